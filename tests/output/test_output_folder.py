@@ -226,6 +226,28 @@ def test_no_display_is_told_but_no_problem(tmp_path, monkeypatch):
     assert "no OpenGL here" in (tmp_path / "a" / "report.html").read_text()
 
 
+def test_a_picture_for_which_the_disk_has_no_room_is_a_part_that_is_missing(tmp_path, monkeypatch):
+    class Full:
+        def wait(self):
+            no_room()
+
+    monkeypatch.setattr(scene, "start_render", lambda *_: Full())
+    told = []
+    summary = capslip.write(
+        output_cases.none(),
+        tmp_path / "a",
+        figures=False,
+        render=True,
+        missing=lambda text, error: told.append((text, getattr(error, "errno", None))),
+    )
+    text = "scene.png could not be made: No space left on device; make room on the disk"
+    assert told == [(text, errno.ENOSPC)]
+    assert [p["message"] for p in summary["problems"] if p["code"] == "output_missing"] == [text]
+    page = (tmp_path / "a" / "report.html").read_text("utf-8")
+    assert text in page
+    assert "OpenGL" not in page
+
+
 def test_an_interrupt_ends_the_renderer_and_leaves_nothing(tmp_path, monkeypatch):
     ended = []
 

@@ -1,5 +1,6 @@
 """Three-dimensional picture: its content, and every way it can fail."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -90,6 +91,47 @@ def test_renderer_that_dies_leaves_one_line(result, tmp_path, code, said):
     assert "libgl1" in message
     assert "\n" not in message
     assert not png.exists()
+
+
+def unwritten(error):
+    """Return the program of a renderer whose picture the system refuses."""
+    return python(
+        "import sys; from capslip.output import scene\n"
+        "def refused(pixels, path):\n"
+        "    path.write_bytes(b'half'); import os\n"
+        f"    raise {error}\n"
+        "scene.write_png = refused\n"
+        "scene.main(sys.argv[1:])"
+    )
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
+def test_a_picture_that_the_disk_refuses_is_an_error_of_the_disk(opengl, result, tmp_path, number):
+    program = unwritten(f"OSError({number}, os.strerror({number}))")
+    with pytest.raises(OSError, match=r"scene\.png") as error:
+        start_render(result, tmp_path / "scene.png", program).wait()
+    assert (error.value.errno, error.value.strerror) == (number, os.strerror(number))
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_without_a_number_is_that_of_the_renderer(opengl, result, tmp_path):
+    reason = start_render(result, tmp_path / "scene.png", unwritten("OSError('torn')")).wait()
+    assert "OSError: torn; 3-D pictures need" in reason
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
+def test_a_screenshot_that_the_disk_refuses_says_so(result, tmp_path, monkeypatch, number):
+    class Refused:
+        def wait(self, timeout_s):
+            raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(scene, "start_render", lambda *_, **__: Refused())
+    with pytest.raises(OutputError) as error:
+        save_picture(result, tmp_path / "seen.png", Look())
+    step = "make room on its disk, or " if number == errno.ENOSPC else ""
+    said = f"{tmp_path / 'seen.png'}: {os.strerror(number)}; {step}give another one"
+    assert str(error.value) == said
 
 
 UNFINISHED = (

@@ -15,7 +15,7 @@ from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.aside import Aside
 from capslip.output.export import Export, export_named
-from capslip.output.renderer import Ready
+from capslip.output.renderer import Ready, Rendering
 from capslip.output.whatif import whatif_data
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
@@ -264,12 +264,12 @@ class _Parts:
         """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
         pictures, parameters = self.work / "figures", self.analysis.iso25178
+        name = "figures/scene.png"
         features = Aside(parameters.features) if run.figures and parameters.few_points else None
         if run.render:
             self.progress("rendering")
-            name, png = "figures/scene.png", pictures / "scene.png"
             start = scene.start_render if renderer is None else renderer.start
-            rendering = self.make((name,), start, self.work / "result.h5", png)
+            rendering = self.make((name,), start, self.work / "result.h5", self.work / name)
         try:
             self.export(export)
             if run.meshes:
@@ -284,9 +284,7 @@ class _Parts:
                 parameters.take(features.wait())
             if not run.render:
                 return "switched off (--no-render)"
-            reason: str | None = "the renderer did not start"
-            if rendering is not None:
-                reason = rendering.wait()
+            reason = self.rendered(rendering, name)
         except BaseException:
             if rendering is not None:
                 rendering.stop()
@@ -294,9 +292,20 @@ class _Parts:
         finally:
             if features is not None:
                 features.stop()
+        self.lap("render")
+        return reason
+
+    def rendered(self, rendering: Rendering | None, name: str) -> str | None:
+        """Wait for the picture, and return why there is none; a disk that refuses it is told."""
+        reason: str | None = "the renderer did not start"
+        if rendering is not None:
+            try:
+                reason = rendering.wait()
+            except OSError as error:
+                self.leave_out((name,), error)
+                return self.analysis.problems[-1].message
         if reason is not None:
             self.missing(f"no render: {reason}", None)
-        self.lap("render")
         return reason
 
     def draw_figures(self, names: Collection[str], pictures: Path) -> None:

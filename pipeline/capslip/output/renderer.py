@@ -12,6 +12,7 @@ from pathlib import Path
 
 RENDER = (sys.executable, "-P", "-m", "capslip.output.scene")  # -P: no module beside the scans
 WAITS = "--waits"
+UNWRITTEN = "not written, error "  # begins the line that names a number of the system
 REMEDY = (
     "3-D pictures need the package vtk and an OpenGL library "
     "(Debian, Ubuntu: libgl1, libegl1 or libosmesa6; other systems: Mesa)"
@@ -38,6 +39,11 @@ class Rendering:
         str or None
             None when the picture is there; otherwise one line that says why not and what to
             install.
+
+        Raises
+        ------
+        OSError
+            If the picture was drawn and could not be written, as on a full disk.
         """
         try:
             _, stderr = self.process.communicate(timeout=timeout_s)
@@ -50,6 +56,10 @@ class Rendering:
             return None
         unfinished_of(self.picture).unlink(missing_ok=True)
         lines = [line.strip() for line in stderr.splitlines() if line.strip()]
+        for line in lines:
+            if line.startswith(UNWRITTEN):
+                number = int(line.removeprefix(UNWRITTEN))
+                raise OSError(number, os.strerror(number), str(self.picture))
         reason = f": {lines[-1][:200]}" if lines else ""
         return f"the renderer ended with code {self.process.returncode}{reason}; {REMEDY}"
 

@@ -21,7 +21,8 @@ from capslip.output.canvas import write_png
 from capslip.output.drawing import Drawing, off_screen
 from capslip.output.mesh import FACE_CELLS
 from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
-from capslip.output.renderer import REMEDY, RENDER, WAITS, Rendering, unfinished_of
+from capslip.output.renderer import REMEDY, RENDER, UNWRITTEN, WAITS, Rendering, unfinished_of
+from capslip.output.staging import is_full
 from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
 
@@ -87,7 +88,13 @@ def save_picture(result: str | Path, picture: Path, look: Look) -> None:
         be made.
     """
     check_picture(result, picture, look)
-    reason = start_render(result_file(result), picture, look=look).wait(timeout_s=300.0)
+    try:
+        reason = start_render(result_file(result), picture, look=look).wait(timeout_s=300.0)
+    except OSError as error:
+        step = (
+            "make room on its disk, or give another one" if is_full(error) else "give another one"
+        )
+        raise OutputError(f"{picture}: {error.strerror}; {step}") from error
     if reason is not None:
         raise OutputError(f"{picture}: {reason}")
 
@@ -166,6 +173,10 @@ def _ready() -> Drawing:
     return drawing
 
 
+def _screenshot(drawing: Drawing, picture: Path) -> None:
+    write_png(drawing.pixels(), picture)
+
+
 def _turntable(drawing: Drawing, picture: Path) -> None:
     """Write one turn around the face."""
     from PIL import Image
@@ -203,11 +214,14 @@ def main(arguments: list[str]) -> None:
     path = Path(picture)
     picture_of(view, shown, drawing := drawing or off_screen(WINDOW))
     unfinished = unfinished_of(path)
-    if path.suffix.lower() == ".gif":
-        _turntable(drawing, unfinished)
-    else:
-        write_png(drawing.pixels(), unfinished)
-    os.replace(unfinished, path)
+    write = _turntable if path.suffix.lower() == ".gif" else _screenshot
+    try:
+        write(drawing, unfinished)
+        os.replace(unfinished, path)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise SystemExit(f"{UNWRITTEN}{error.errno}") from error
 
 
 if __name__ == "__main__":
