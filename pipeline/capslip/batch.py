@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from capslip.output.staging import (
 )
 from capslip.provenance import UNREAD, Seen, code_sha256, digest_of, is_as_seen, seen_of
 from capslip.settings import Cluster, Settings, checked, load_settings
-from capslip.sources import Scan, find_scans
+from capslip.sources import Scan, find_scans, replaced
 from capslip.surface.readers.faces import load_faces
 from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
 
@@ -71,6 +71,8 @@ class Options:
     scheduler : str, Cluster or None
         Address of a Dask scheduler whose workers do it, or jobs that are to be started; by default
         those of `settings.run.cluster`, if any.
+    warn : callable, optional
+        Told before the work whose results give way to those of other scans; by default `say` is.
     """
 
     list_file: Path | None = None
@@ -81,6 +83,7 @@ class Options:
     max_failures: int | None = None
     limits: Limits = NO_LIMITS
     scheduler: str | Cluster | None = None
+    warn: Callable[[str], None] | None = field(default=None, compare=False)
 
 
 Work = Callable[[Scan, Path, str | None, bool], Row]
@@ -198,12 +201,17 @@ class _Run:
         self.next_table_s = 0.0
 
     def look(self) -> None:
-        """Note what is done already, before anything is written."""
+        """Note what is done already, before anything is written, and say what will be no more."""
+        others: list[Scan] = []
         for scan, there in _look(self.scans, self.folder, self.options, mend=True):
             if there.row is not None:
                 self.note(scan, there.row)
             elif self.options.look == "collect":
                 self.rows[scan] = _row(scan, _to_do(scan, self.folder, there))
+            elif there.differs:
+                others.append(scan)
+        if line := replaced(others, self.folder):
+            (self.options.warn or self.say)(line)
         self.write_table()
 
     def analyse(self, work: Work, command: str | None, workers: int) -> None:
@@ -214,7 +222,7 @@ class _Run:
             for scan in self.scans:
                 if scan not in self.rows:
                     started[scan] = _seen(scan)
-                    home = _home(scan, self.folder)
+                    home = scan.home(self.folder)
                     # a failure that is there was not taken for done
                     again = options.retry_failed or (home / FAILURE).is_file()
                     yield scan, home, command, again
@@ -238,7 +246,7 @@ class _Run:
         finally:
             if options.scheduler is None:  # others finish what they began
                 for scan in started:
-                    _mend(_home(scan, self.folder))
+                    _mend(scan.home(self.folder))
 
     def note(self, scan: Scan, row: Row) -> None:
         """Keep the row of a scan and tell it."""
@@ -300,10 +308,6 @@ def _check_folder(folder: Path) -> None:
         )
 
 
-def _home(scan: Scan, folder: Path) -> Path:
-    return folder.absolute() / "scans" / scan.name
-
-
 @dataclass(frozen=True)
 class _Found:
     """What is there of a scan."""
@@ -319,9 +323,8 @@ def _look(
     """Give each scan with what is there of it."""
 
     def found(scan: Scan) -> _Found:
-        home = _home(scan, folder)
         try:
-            return _look_at(scan, home, options.retry_failed, mend, options.limits)
+            return _look_at(scan, scan.home(folder), options.retry_failed, mend, options.limits)
         except (OSError, OutputError):
             return _Found()  # who does it says what is wrong
 
@@ -361,14 +364,13 @@ def _row_there(
     """Return the row of a result that is whole, of the same key and has all that is wanted."""
     if _key_of(summary) != key or not is_whole(summary, home):
         return None
-    if any(one["code"] == "output_missing" for one in summary["problems"]):
-        return None
-    return None if _lacking(home, wanted) else row_of(summary)
+    missing = any(one["code"] == "output_missing" for one in summary["problems"])
+    return None if missing or _lacking(home, wanted) else row_of(summary)
 
 
 def _to_do(scan: Scan, folder: Path, there: _Found) -> Row:
     """Return the row of a scan without a result, and what differs where there is another one."""
-    home, error = _home(scan, folder), None
+    home, error = scan.home(folder), None
     if there.differs:
         differs = [f"other {name}" for name in there.differs]
         if "settings" in there.differs:
@@ -437,8 +439,7 @@ def _lacking(home: Path, wanted: Settings) -> list[str]:
         then = load_settings(home / "settings.toml").run
     except SettingsError:
         return ["settings that cannot be read"]
-    lacks = (one for one in PICTURES if getattr(wanted.run, one) and not getattr(then, one))
-    return [f"--no-{one}" for one in lacks]
+    return [f"--no-{one}" for one in PICTURES if getattr(wanted.run, one) > getattr(then, one)]
 
 
 def _mend(home: Path) -> None:
@@ -491,8 +492,7 @@ def _gives_way(home: Path, failure: dict[str, Any], seen: Seen) -> bool:
 
 
 def _row(scan: Scan, found: Row) -> Row:
-    row: Row = dict.fromkeys(COLUMNS)
-    row.update(found)
+    row: Row = dict.fromkeys(COLUMNS) | found
     mate = None if scan.mate is None else str(scan.mate)
     row.update(scan=scan.name, path=str(scan.path), mate=mate, group=scan.group)
     if "verdict" in found:

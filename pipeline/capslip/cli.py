@@ -280,6 +280,7 @@ def batch(
             max_failures=max_failures,
             limits=Limits(time_s, most_bytes),
             scheduler=scheduler,
+            warn=say.warn,
         ),
     )
     failed = [row for row in rows if row["status"] == "failed"]

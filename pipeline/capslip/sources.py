@@ -16,8 +16,10 @@ from typing import Any
 
 from capslip.errors import NothingToDoError, SettingsError, check_kind, texts_of
 from capslip.leftovers import is_leftover
-from capslip.output.staging import FAILURE, read_json, read_summary
+from capslip.output.staging import FAILURE, read_json, read_summary, scans_replaced
+from capslip.provenance import UNREAD, digest_of
 from capslip.settings import Settings, settings_from
+from capslip.surface.heightmap import Origin
 
 MOST_BYTES = 120  # of a name; file systems take 255, and names of files in it follow
 SETTING = {"preload_N": "contact.preload_N", "unit": "reading.unit"}  # of one scan, in a list
@@ -56,6 +58,10 @@ class Scan:
         """Tells it from every other one."""
         parts = (self.path, self.mate, self.group, self.settings.sha256())
         return hashlib.sha256(os.fsencode("\n".join(map(str, parts)))).hexdigest()[:8]
+
+    def home(self, folder: Path) -> Path:
+        """Return where its result is, in the folder of a batch."""
+        return folder.absolute() / "scans" / self.name
 
 
 def find_scans(
@@ -122,6 +128,32 @@ def find_scans(
     scans = sorted(found, key=lambda scan: (scan.path, str(scan.mate), keys[scan.settings]))
     pairs = zip(scans, _names(scans, leave_out), strict=True)
     return [replace(one, name=name) for one, name in pairs], skipped
+
+
+def replaced(scans: Iterable[Scan], folder: Path) -> str | None:
+    """Say whose results in the folder of a batch give way to those of these scans.
+
+    None where each has what is there of itself, by its path or by its bytes, or cannot be read, so
+    that what is there stays.
+    """
+    gone = {scan.name: path for scan in scans if (path := _other(scan, folder)) is not None}
+    for name, path in gone.items():
+        first = f"{folder / 'scans' / name} holds a result of {path}"
+        if len(gone) == 1:
+            return f"{first}, which is replaced; see --out"
+        return f"{first}, and so on: results of {len(gone)} other scans are replaced; see --out"
+    return None
+
+
+def _other(scan: Scan, folder: Path) -> str | None:
+    """Return the path of another scan whose result has the place of this one's."""
+    home = scan.home(folder)
+    origin = Origin(path=str(scan.path), dataset=scan.settings.reading.dataset)
+    if not scans_replaced(home, [origin]):
+        return None
+    digest = digest_of(scan.path)  # of what was moved; looked for last, as it takes longest
+    gone = scans_replaced(home, [replace(origin, sha256=digest)])
+    return gone[0] if gone and not digest.startswith(UNREAD) else None
 
 
 def _paths(

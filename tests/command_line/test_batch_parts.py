@@ -191,6 +191,86 @@ def test_one_part_of_a_batch_is_every_third_scan_and_writes_no_table(tmp_path, m
     assert not (out / "index.html").exists()
 
 
+def there(out, name, path, sha256, **more):
+    """Leave what tells of which scan a result is; its settings are others."""
+    home = out / "scans" / name
+    home.mkdir(parents=True, exist_ok=True)
+    surface = {"path": str(path), "sha256": sha256, **more}
+    summary = {"schema": SCHEMA, "provenance": {"settings_sha256": "0"}, "surface": surface}
+    (home / "summary.json").write_text(json.dumps(summary))
+
+
+def warned(sources, out, settings=SETTINGS, **options):
+    """Return what a batch warns of, and says, before its first scan is done."""
+    warnings, said = [], []
+    options = Options(warn=warnings.append, **options)
+    run_batch(sources, out, settings, said.append, None, options, lambda *_: FAILED)
+    return warnings, said
+
+
+NO_SCAN = hashlib.sha256(b"no scan").hexdigest()
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("path", "sha256", "more", "others"),
+    [
+        ("da/s0.h5", "0", {}, True),
+        ("in/s0.h5", "0", {}, False),  # measured again
+        ("moved.h5", NO_SCAN, {}, False),
+        ("in/s0.h5", NO_SCAN, {"dataset": "second"}, False),  # this one has no name
+    ],
+)
+def test_the_result_of_another_scan_gives_way_to_none_without_a_word(
+    path, sha256, more, others, tmp_path
+):
+    sources, out = scans_of(tmp_path / "in", 2), tmp_path / "out"
+    path = tmp_path / path
+    there(out, "s0", path, sha256, **more)
+    line = f"{out / 'scans' / 's0'} holds a result of {path}, which is replaced; see --out"
+    assert warned(sources, out)[0] == ([line] if others else [])
+    for look in ("dry_run", "collect"):  # which replace nothing
+        assert warned(sources, out, look=look)[0] == []
+    told = []
+    run_batch(sources, out, SETTINGS, told.append, work=lambda *_: FAILED)
+    assert told[: len(told) - 2] == ([line] if others else [])
+
+
+@pytest.mark.usefixtures("here")
+def test_results_of_many_other_scans_give_way_with_one_line(tmp_path):
+    sources, out = scans_of(tmp_path / "in", 3), tmp_path / "out"
+    for i in range(3):
+        there(out, f"s{i}", tmp_path / f"da/s{i}.h5", str(i))
+    first = f"{out / 'scans' / 's0'} holds a result of {tmp_path / 'da/s0.h5'}"
+    line = f"{first}, and so on: results of 3 other scans are replaced; see --out"
+    assert warned(sources, out)[0] == [line]
+    warnings, said = warned(sources, out, shard=(1, 3))  # its own alone
+    assert warnings == [f"{first}, which is replaced; see --out"]
+    assert not any("replaced" in one for one in said)
+
+
+@pytest.mark.usefixtures("here")
+def test_another_map_of_the_same_file_gives_way_with_a_word(tmp_path):
+    sources, out = scans_of(tmp_path / "in", 1), tmp_path / "out"
+    there(out, "s0", tmp_path / "in" / "s0.h5", NO_SCAN, dataset="first")
+    for dataset, n in (("first", 0), ("second", 1)):
+        settings = load_settings(overrides=(f"reading.dataset={dataset}",))
+        assert len(warned(sources, out, settings)[0]) == n
+
+
+@pytest.mark.usefixtures("here")
+def test_what_cannot_be_read_replaces_nothing(tmp_path):
+    sources, out = scans_of(tmp_path / "in", 1), tmp_path / "out"
+    there(out, "away", tmp_path / "da" / "away.h5", "0")
+    assert warned([*sources, str(tmp_path / "in" / "away.h5")], out)[0] == []
+
+
+def test_a_warning_of_a_batch_is_never_silent(monkeypatch, capsys):
+    _, asked = ended([OK], monkeypatch, "-q")
+    asked["options"].warn("another scan")
+    assert capsys.readouterr().err == "warning: another scan\n"
+
+
 KEY = {"code": "c", "settings": "s", "scan": "1", "mate": None}
 
 

@@ -57,6 +57,23 @@ def test_every_scan_has_a_row(batch):
 
 
 @pytest.mark.usefixtures("here")
+def test_two_folders_with_one_name_do_not_lose_a_result_without_a_word(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for seed, name in enumerate(("da", "db")):
+        Path(name).mkdir()
+        scan(Path(name, "face.h5"), seed)
+    light = ("--no-figures", "--no-render", "--no-meshes", "--model", "caps", "-q")
+    said = []
+    for name in ("da", "da", "db", "db", "da"):
+        ran = CliRunner().invoke(main, ["batch", name, *light])
+        assert ran.exit_code == 0, ran.output
+        said.append(ran.stderr)
+    line = "warning: results/batch/scans/face holds a result of {}, which is replaced; see --out\n"
+    to_b, to_a = (line.format(Path(name, "face.h5").absolute()) for name in ("da", "db"))
+    assert said == ["", "", to_b, "", to_a]
+
+
+@pytest.mark.usefixtures("here")
 def test_done_work_is_kept_and_the_rest_done_again(batch):
     folder, arguments, _ = batch
     before = {
