@@ -175,6 +175,8 @@ class State:
     @cached_property
     def _most_share(self) -> float:
         """Return the share of mu N at gross slip, 1 unless the load oscillates."""
+        if self.greatest == 1.0:
+            return 1.0
         slip = slip_curve(self.as_found[0], self.preload_N, 1.0, 1.0)
         return float(varying(slip, self.settings.slip).total_slip_force_N) / self.preload_N
 
