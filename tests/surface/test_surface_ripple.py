@@ -76,6 +76,24 @@ def test_what_no_clock_made_is_no_ripple(height_m):
     assert find_ripple(of(height_m)) is None
 
 
+def lattice_m(directions_rad, height_m=HEIGHT_M):
+    """Waves of one length in some directions: hills in rows, of a texture that was made so."""
+    return sum(
+        height_m * np.cos(2.0 * np.pi * 0.12 * (np.sin(one) * ROW + np.cos(one) * COLUMN))
+        for one in directions_rad
+    )
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.2])
+def test_a_lattice_of_hills_is_the_faces_own_and_two_waves_are_none(turn_rad):
+    six, square = (np.arange(n) * np.pi / n + turn_rad for n in (3, 4))
+    for directions_rad in (six, square):
+        assert find_ripple(of(CAPS_M + lattice_m(directions_rad))) is None
+        assert find_ripple(of(CAPS_M + lattice_m(directions_rad[:2]))) is not None
+    low = lattice_m(six[1:], 0.3 * HEIGHT_M)  # what an instrument leaves beside a ripple
+    assert find_ripple(of(CAPS_M + lattice_m(six[:1]) + low)) is not None
+
+
 def test_a_ripple_counts_up_to_a_tenth_of_a_wave_of_light_and_on_the_relief_of_a_face():
     assert find_ripple(of(CAPS_M + ripple_m(0.12, 0.1, 0.8 * MOST_M))) is not None
     low_m = 1e-8 * CAPS_M / CAPS_M[:, 22:278].std()

@@ -2,8 +2,10 @@
 
 Vibrations while a map was scanned, and what is left of fringes, lay a wave on it that is as regular
 as a clock. Grooves are not: their wavelengths scatter, and their spectrum is a ridge, not a line.
+Lattices are, and have lines in three directions and more.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +18,9 @@ LEAST_SIDE = 32
 LEAST_KNOWN = 0.5  # of its points
 LEAST_WAVES = 5.0  # along it: of fewer nobody can tell how regular they are
 SHARP = 10.0  # times the power of all around a line; of random faces and rows it is 6 at most
+# Lattices of spheres, dimples or pyramids are as regular, and of the face: so many lines more, that
+# stand off half as much, are half as high, and have directions of their own by so many radians
+LATTICE, APART_RAD = 2, 0.26
 LINE, AROUND = 2, 6  # half widths of a line, with a Hann window, and of what it is compared with
 MOST_M = 5e-8  # amplitude, a tenth of a wave of light: instruments leave less, feed marks are more
 MOST_OF_RELIEF = 0.4  # of Sq of the square: beyond, it is the relief of the face
@@ -109,4 +114,17 @@ def _sharpest_line(power: np.ndarray) -> tuple[int, int]:
     rows, cols = row[:, None] + down[beside], col[:, None] + right[beside]
     stands_off = power[row, col] / power[rows % ny, cols % nx].max(axis=1)
     best = int(np.argmax(stands_off))
-    return (int(row[best]), int(col[best])) if stands_off[best] > SHARP else (0, 0)
+    at = power[row, col]
+    others = (stands_off > 0.5 * SHARP) & (at >= 0.25 * at[best])
+    angle = np.arctan2(np.fft.fftfreq(ny)[row], np.fft.fftfreq(nx)[col])
+    lattice = _directions(angle[others], angle[best]) >= LATTICE
+    return (int(row[best]), int(col[best])) if stands_off[best] > SHARP and not lattice else (0, 0)
+
+
+def _directions(angle: np.ndarray, but: float) -> int:
+    """Count the directions of some angles, but for one, modulo half a turn."""
+    found = [but]
+    for one in angle.tolist():
+        if all(abs(math.remainder(one - other, math.pi)) > APART_RAD for other in found):
+            found.append(one)
+    return len(found) - 1
