@@ -197,3 +197,15 @@ def test_a_given_level_is_the_inverse_of_a_given_load():
     at_load = press(k, h, C, start, load=LOAD_N)
     at_level = press(k, h, C, start, level=at_load.level_m)
     assert at_level.compression_m == pytest.approx(at_load.compression_m, rel=1e-10, abs=1e-18)
+
+
+@pytest.mark.parametrize("goal", [{"load": LOAD_N}, {"level": 1e-6}])
+@pytest.mark.parametrize("lost", ["depth", "compliance", "start"])
+def test_what_is_no_number_is_no_equilibrium(goal, lost):
+    """The start came back as the answer, at a level of NaN: no comparison told its error."""
+    k, h, C, _ = face(1, 5)
+    g = np.full(5, 1e-7)
+    press(k, h, C, g, **goal)
+    {"depth": h, "compliance": C[0], "start": g}[lost][1] = np.nan
+    with pytest.raises(ContactError, match="no equilibrium of 5 caps"), np.errstate(all="ignore"):
+        press(k, h, C, g, **goal)

@@ -73,6 +73,27 @@ def test_a_resultant_beside_the_one_point_that_bears_is_reached(others):
         assert moments(moved) == pytest.approx([40.0, 40.0 * x_R, 40.0 * y_R], rel=1e-12)
 
 
+@pytest.mark.parametrize("others", [1e-300, 1e-320, 0.0])
+def test_pressures_that_have_all_but_vanished_leave_no_pressures_that_are_no_numbers(others):
+    """Growing them to one end of the map, nothing is left of any product with them."""
+    pressure, middle = np.full(POINTS.size, others), POINTS.size // 2
+    pressure[AT_M[0] > 1.9e-3] = 0.0
+    pressure[middle] = 1.0
+    near_m = (AT_M[0][middle] + 1e-4, AT_M[1][middle] + 5e-5)
+    for place_m in (near_m, RESULTANT_M):
+        moved = GivenResultant(40.0, (X_M, Y_M), place_m).restored(pressure, POINTS)
+        assert moved is None or moments(moved) == pytest.approx(
+            [40.0, 40.0 * place_m[0], 40.0 * place_m[1]], rel=1e-9
+        )
+    # Those of a few points bear it: the others stay without
+    few = np.where(np.arange(POINTS.size) % 2 == 0, 1e-300 * PRESSURE, 0.0)
+    moved = GIVEN.restored(few, POINTS)
+    assert moments(moved) == pytest.approx(
+        [40.0, 40.0 * RESULTANT_M[0], 40.0 * RESULTANT_M[1]], rel=1e-9
+    )
+    assert np.array_equal(moved > 0.0, few > 0.0)
+
+
 def test_no_pressures_have_their_resultant_beside_all_of_their_points():
     beside = GivenResultant(40.0, (X_M, Y_M), (2.15e-3, 0.9e-3))
     assert beside.restored(PRESSURE, POINTS) is None

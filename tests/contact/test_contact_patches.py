@@ -165,6 +165,18 @@ def test_patches_that_leave_out_too_much_are_noticed(monkeypatch):
     assert np.array_equal(found.loss_J, expected.loss_J)
 
 
+def test_patches_whose_error_is_no_number_leave_out_too_much(monkeypatch):
+    face = elastic_face(waves((100, 100), 8.0), E)
+    pressed = press(face, load_N=LOAD_N)
+    known = unloading.Path.patch_error
+    monkeypatch.setattr(
+        unloading.Path, "patch_error", lambda path: np.nan if path.patches else known(path)
+    )
+    found = unload(face, pressed, 1e-7)
+    assert found.patch_error == 0.0  # the map itself was solved
+    assert np.isfinite(found.loss_J).all()
+
+
 def test_contact_all_over_the_map_needs_no_patches():
     face = elastic_face(waves((60, 60), 8.0), E)
     assert patched(face, np.ones(face.shape, dtype=bool)) is None

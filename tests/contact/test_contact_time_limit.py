@@ -11,10 +11,11 @@ from scipy.ndimage import gaussian_filter
 from capslip import analyze, load_settings
 from capslip.contact import map_accuracy
 from capslip.contact.models import boundary_elements as model
-from capslip.contact.solvers import polonsky_keer, solutions, unloading
+from capslip.contact.solvers import polonsky_keer, rough_inverse, solutions, steps, unloading
+from capslip.contact.solvers.closing import GivenLoad, GivenResultant
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.errors import OutOfTimeError
+from capslip.errors import ContactError, OutOfTimeError
 from capslip.surface.heightmap import HeightMap
 
 E = 110e9
@@ -207,3 +208,85 @@ def test_an_analysis_that_is_cut_short_has_an_interval():
     assert "time_limit_reached" in {p["code"] for p in summary["problems"]}
     assert summary["accuracy"]["estimated"] > 0.0
     assert summary["answer"]["interval"]["energy_J"][1] > summary["answer"]["energy_J"] > 0.0
+
+
+@pytest.mark.parametrize("solve", [press, press_balanced])
+@pytest.mark.parametrize("hardness_Pa", [np.inf, 4e8])
+@pytest.mark.parametrize("after", [0, 3])
+def test_a_solution_whose_numbers_are_lost_ends_at_once(solve, hardness_Pa, after, monkeypatch):
+    """No comparison tells a NaN: it took all steps there are, or hung, or came out as found."""
+    face = replace(elastic_face(wavy(), E), hardness_Pa=hardness_Pa)
+    calls, inverse = [], rough_inverse.RoughInverse.pressure_Pa
+
+    def lost(self, sinking_m, points):
+        calls.append(len(points))
+        found = inverse(self, sinking_m, points)
+        return found * np.nan if len(calls) > after else found
+
+    monkeypatch.setattr(rough_inverse.RoughInverse, "pressure_Pa", lost)
+    with pytest.raises(ContactError, match="are no numbers any more; check heights"):
+        solve(face, load_N=LOAD_N)
+    assert len(calls) == after + 1
+
+
+def test_a_step_that_cannot_be_brought_back_is_none_after_some_halves(monkeypatch):
+    """Before a pressure of next to nothing is kept, it would be halved a thousand times."""
+    tried, p = [], np.array([1.0, 1e-300])
+    monkeypatch.setattr(steps, "bounded", lambda *_: tried.append(1))
+    given = (p, np.arange(2), np.array([-1.0, 1.0]), 1.0, GivenLoad(1.0), np.inf)
+    stepped, cut = steps._stepped(*given)
+    assert np.array_equal(stepped, p)
+    assert cut
+    assert len(tried) == 60
+
+
+def test_pressures_that_are_no_numbers_are_bounded_no_longer():
+    class Lost(GivenLoad):
+        turns = 0
+
+        def less(self, pressure, points):
+            return self
+
+        def restored(self, pressure, points):
+            Lost.turns += 1
+            assert Lost.turns < 5, "it goes on"
+            return pressure * np.nan
+
+    pressure_Pa = np.array([1.0, 2.0, 3.0])
+    assert np.isnan(steps.bounded(pressure_Pa, np.arange(3), Lost(7.0), 2.5)).any()
+
+
+def test_pressures_that_no_closing_allows_are_told():
+    """They were taken for numbers, which none is."""
+    face = elastic_face(wavy(), E)
+    none = GivenResultant(1e9, face.places_m, (1.0, 1.0))  # beside the map
+    with pytest.raises(ContactError, match="no pressures up to the hardness have this load"):
+        polonsky_keer.solve(face, none, 1e-7, np.ones(face.shape))
+
+
+def test_no_solution_begins_when_the_time_of_several_is_over(monkeypatch):
+    """Each may be found at once, without a step: none begins when the time is over."""
+    monkeypatch.setattr(polonsky_keer, "thread_time", Ticking(2.0))
+    face = elastic_face(wavy(), E)
+    levelled = press(face, load_N=LOAD_N)
+    state, _ = polonsky_keer.solve(
+        face, GivenLoad(LOAD_N / face.pixel_area_m2), 1e-7, levelled.pressure_Pa, np.inf
+    )
+    assert state.fulfils(1e-7)
+    with pytest.raises(OutOfTimeError, match="after 0 iterations"):
+        polonsky_keer.solve(
+            face, GivenLoad(LOAD_N / face.pixel_area_m2), 1e-7, levelled.pressure_Pa, 1.0
+        )
+
+
+def test_a_certificate_that_is_no_number_is_none():
+    face = elastic_face(wavy(), E)
+    found = press(face, load_N=LOAD_N)
+    p = found.pressure_Pa
+    state = polonsky_keer.State(
+        p, found.gap_m, found.approach_m, (0.0, 0.0), np.flatnonzero(p), 0.0, 0.0
+    )
+    assert polonsky_keer.certified(face, state, LOAD_N, 1).load_N == LOAD_N
+    for moments in ((np.nan, 0.0), (0.0, np.nan), (1e-8, 0.0)):
+        with pytest.raises(ContactError, match="does not balance its load"):
+            polonsky_keer.certified(face, state, LOAD_N, 1, moments)

@@ -14,7 +14,7 @@ from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.near_field import near_field
 from capslip.contact.solvers.yielding import YieldLaw, first_loading, first_loading_at
-from capslip.errors import SettingsError
+from capslip.errors import ContactError, SettingsError
 from capslip.materials import MATERIALS
 from capslip.settings import Material, settings_from
 from capslip.surface.heightmap import HeightMap
@@ -175,6 +175,17 @@ def test_turns_that_swung_at_first_end_as_newton_s_do(monkeypatch):
     assert len(turns) <= 12
     approach_m = soft.approach_m(after.load_N, radius_m)
     assert after.rest.level_m - depth_m - C @ after.load_N == pytest.approx(approach_m, rel=1e-9)
+
+
+def test_turns_that_begin_with_what_is_no_number_end_in_an_error():
+    radius_m, depth_m, _, C = random_caps(8, 3)
+    found = first_loading(STEEL, radius_m, depth_m, E, 300.0, compliance_m_per_N=C)
+    assert STEEL.yielded(found.load_N, radius_m).sum() > 1
+    start_N = found.load_N.copy()
+    start_N[start_N.argmin()] = np.nan
+    start = {"start_m": found.compression_m, "start_N": start_N}
+    with pytest.raises(ContactError, match="no equilibrium"), np.errstate(all="ignore"):
+        first_loading(STEEL, radius_m, depth_m, E, 300.0, compliance_m_per_N=C, **start)
 
 
 RUNGS = ("families", "caps", "mean_field", "interacting")

@@ -118,7 +118,7 @@ def press(
             break
         state = trial
         damping = damping / 8 if damping > 0.1 else 0.0
-    if state.error > _ACCEPTED * state.scale:
+    if not state.error <= _ACCEPTED * state.scale:
         goal = f"approach {level:g} m" if load is None else f"load {load:g} N"
         raise ContactError(
             f"no equilibrium of {len(k)} caps at {goal}; the misfit is {state.error:g} m, expected "

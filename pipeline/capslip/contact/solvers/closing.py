@@ -178,6 +178,8 @@ class GivenResultant:
         steps end wherever the resultant lies inside the hull of the points.
         """
         basis = self._basis(points)[1:]
+        with np.errstate(divide="ignore"):  # what has grown too small for a number stays at none
+            height = np.log(pressure / pressure.sum())
         weight, exponent, last = pressure / pressure.sum(), np.zeros(2), 0.0
         for _ in range(_MAX_TURNS):
             off = basis @ weight
@@ -190,17 +192,18 @@ class GivenResultant:
             factor = 1.0
             while True:
                 tried = exponent + factor * step
-                power = tried @ basis
+                # Over the greatest product: over the greatest factor all of them may be too small
+                power = height + tried @ basis
                 top = float(power.max())
-                grown = pressure * np.exp(power - top)
-                value = top + float(np.log(grown.sum() / pressure.sum()))
+                grown = np.exp(power - top)
+                value = top + float(np.log(grown.sum()))
                 if value <= last + 1e-4 * factor * float(step @ off) + 1e-15:
                     break
                 factor /= 2
                 if factor < 1e-6:
                     return None
             exponent, last, weight = tried, value, grown / grown.sum()
-        if np.abs(basis @ weight).max() > 1e-11:
+        if not np.abs(basis @ weight).max() <= 1e-11:
             return None
         return np.asarray(self.total_Pa * weight)
 

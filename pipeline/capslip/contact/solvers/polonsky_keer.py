@@ -1,5 +1,6 @@
 """A height map pressed against a rigid plane: pressures and gaps, with their certificate."""
 
+import math
 from dataclasses import replace
 from time import thread_time
 
@@ -181,6 +182,7 @@ def solve(
     ContactError
         If it is not found; `OutOfTimeError` if it is not by `until_s`, see `end_s`.
     """
+    _refuse_late(face, 0, until_s)  # of several solutions, those before may have taken it all
     if start_Pa is not None:
         start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
     if start_Pa is None or not start_Pa.any():
@@ -310,6 +312,25 @@ def _iterate(
             p.reshape(-1)[points], steps = _steps(few, start, sunk_m, on_few, aim, left, until_s)
 
 
+def _refuse_late(face: ElasticFace, steps: int, until_s: float) -> None:
+    """Raise an OutOfTimeError where the time of a solution is over."""
+    if thread_time() > until_s:
+        raise OutOfTimeError(
+            f"{face.name}: boundary elements on {face.depth_m.size} points had found no "
+            f"solution after {steps} iterations when contact.time_limit_s was over; allow "
+            "more, or coarsen the map"
+        )
+
+
+def _refuse_no_numbers(face: ElasticFace, *values: float) -> None:
+    """Raise a ContactError where one is NaN: no comparison tells it, and no step leaves it."""
+    if any(math.isnan(value) for value in values):
+        raise ContactError(
+            f"{face.name}: boundary elements: pressures or gaps are no numbers any more; check "
+            "heights, units, preload and moduli"
+        )
+
+
 def _allowed(face: ElasticFace, start_Pa: np.ndarray, closing: Closing) -> np.ndarray:
     """Return the pressures to begin with on the conditions of the closing."""
     p, hardness_Pa = start_Pa.copy(), face.hardness_Pa
@@ -321,6 +342,11 @@ def _allowed(face: ElasticFace, start_Pa: np.ndarray, closing: Closing) -> np.nd
         if not np.isinf(hardness_Pa):
             p *= 1e-3 * hardness_Pa
         restored = bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
+    if restored is None:
+        raise ContactError(
+            f"{face.name}: no pressures up to the hardness have this load and these moments; "
+            "expected a load point well within the measured points; check preload and load point"
+        )
     p.reshape(-1)[at] = restored
     return p
 
@@ -344,12 +370,7 @@ def _steps(
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope, length = 0.0, 1.0  # r z of the last step: zero begins anew; as the rough inverse has it
     for steps in numbers:
-        if thread_time() > until_s:
-            raise OutOfTimeError(
-                f"{face.name}: boundary elements on {face.depth_m.size} points had found no "
-                f"solution after {steps} iterations when contact.time_limit_s was over; allow "
-                "more, or coarsen the map"
-            )
+        _refuse_late(face, steps, until_s)
         off_m = tolerance * state.approach_m
         c = moving(face, state, off_m)
         project = closing.projector(c)
@@ -378,6 +399,7 @@ def _steps(
 
 def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
     """Return gaps and certificate of pressures and their sinking."""
+    _refuse_no_numbers(face, float(p.sum()) * 0.0)
     contact = np.flatnonzero(p > 0)
     p_c = p.reshape(-1)[contact]
     gap_m = u + face.depth_m
@@ -410,6 +432,7 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
     gaps_m[contact] = off_m
     off_m = np.where(at_most, np.maximum(off_m, 0.0), np.abs(off_m))
     off = float(p_c @ off_m / p_c.sum()) / d if contact.size else np.inf
+    _refuse_no_numbers(face, least_gap, off)
     return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
 
 
@@ -443,8 +466,8 @@ def certified(
         iterations=iterations,
         moments=moments,
     )
-    unbalanced = max(certificate.load_balance, *np.abs(moments)) > 1e-9
-    if unbalanced or certificate.least_pressure < 0:
+    balanced = all(abs(off) <= 1e-9 for off in (certificate.load_balance, *moments))
+    if not (balanced and certificate.least_pressure >= 0):
         raise ContactError(f"{face.name}: a solution does not balance its load: {certificate}")
     gap_m = np.where(face.measured, state.gap_m, 0.0)
     approach_m = state.approach_m

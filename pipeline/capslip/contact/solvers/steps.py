@@ -6,6 +6,8 @@ from capslip.contact.solvers.closing import Closing
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.pressed import State
 
+_MAX_HALVINGS = 60  # of a step: what is left of it is less than rounding
+
 
 def moving(face: ElasticFace, state: State, off_m: float) -> np.ndarray:
     """Return the points whose pressure changes, as indices.
@@ -109,9 +111,9 @@ def _stepped(
     """Return the pressures after a step, and whether some would have left their bounds.
 
     These are cut off, which moves load and moments; a step after which the pressures left cannot
-    be brought back onto them is halved.
+    be brought back onto them is halved, and none is taken where halves of it end nowhere else.
     """
-    while True:
+    for _ in range(_MAX_HALVINGS):
         p_c = p.reshape(-1)[c] - step * t
         fresh = bool(p_c.min() < 0 or p_c.max() > hardness_Pa)
         stepped = p.copy()
@@ -124,6 +126,7 @@ def _stepped(
             stepped.reshape(-1)[under] = restored
             return stepped, True
         step /= 2
+    return p.copy(), True
 
 
 def bounded(
@@ -138,7 +141,7 @@ def bounded(
     if np.isinf(hardness_Pa):
         return closing.restored(pressure_Pa, points)
     p = np.minimum(pressure_Pa, hardness_Pa)
-    while True:
+    while True:  # each turn holds at least one point more
         held = p >= hardness_Pa
         rest = closing.less(p[held], points[held]) if held.any() else closing
         if held.all() or rest is None:
@@ -148,5 +151,5 @@ def bounded(
         if restored is None:
             return None
         p[free] = np.minimum(restored, hardness_Pa)
-        if (restored <= hardness_Pa).all():
+        if not (restored > hardness_Pa).any():
             return p

@@ -156,7 +156,7 @@ def unload(
     _refuse_few(path)
     cut_short = _followed(path, begin_s, time_limit_s, as_pixels)
     error = path.patch_error()
-    if error > PATCH_ERROR:  # not seen yet
+    if not error <= PATCH_ERROR:  # not seen yet
         left_s = max(time_limit_s - (thread_time() - begin_s), 0.0)
         return unload(
             face,

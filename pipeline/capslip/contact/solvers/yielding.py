@@ -313,7 +313,7 @@ def first_loading(
         elif moved < _NEAR:
             part = min(2.0 * part, 1.0)  # Newton's steps are best as a whole
         one_N = one_N + part * (new_N - one_N)
-    if rest is None or moved > _ACCEPTED:
+    if rest is None or not moved <= _ACCEPTED:
         raise ContactError(
             f"the caps that yield find no equilibrium under {load_N:g} N: the last turn still "
             f"moved {moved:.2g} of the load; expected {_ACCEPTED:g}; check preload and hardness"
