@@ -12,6 +12,7 @@ from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
+from capslip.surface.laying import smooth_between, straight_between
 from capslip.surface.noise import noise_left
 from capslip.surface.resampling import resample
 from capslip.surface.shifts import LEAST_OVERLAP, match_by_shift
@@ -21,7 +22,6 @@ from capslip.units import percent
 Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
 Way = Literal["composite", "together"]
-LEAST_MEASURED = 0.5
 LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
 LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
 LEAST_MATCH = 0.5
@@ -154,8 +154,8 @@ def composite_surface(
     -------
     HeightMap
         On the grid of the first face, its plane taken off; points where one face is missing are
-        non-measured. The second face is interpolated linearly, after a Gaussian with a nesting
-        index of two pixels of the first where its own are finer.
+        non-measured. The second face is interpolated by a cubic spline, after a Gaussian with a
+        nesting index of two pixels of the first where its own are finer.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def composite_surface(
     >>> bool(np.abs(both.height_m).max() < 1e-15)
     True
     """
-    height_m = first.height_m + _laid(first, second, placement)
+    height_m = first.height_m + _laid(first, second, placement, spline=True)
     covered = np.count_nonzero(np.isfinite(height_m)) / height_m.size
     if covered < LEAST_TO_PRESS:
         raise UnusableSurfaceError(
@@ -377,27 +377,15 @@ def _finer(matrix: np.ndarray) -> np.ndarray:
     return np.where(ratio > FINER, 2.0 * ratio, 0.0)
 
 
-def _laid(first: HeightMap, second: HeightMap, placement: Placement) -> np.ndarray:
+def _laid(
+    first: HeightMap, second: HeightMap, placement: Placement, *, spline: bool = False
+) -> np.ndarray:
     """Heights of the second face at the points of the first, NaN beside it."""
-    from scipy.ndimage import affine_transform
-
     matrix, offset = _to_second(first, second, placement)
     index_m = _finer(matrix) * second.pixel_size_m
     z = smooth(second, *index_m) if any(index_m) else second.height_m
-    options = {
-        "matrix": matrix,
-        "offset": offset,
-        "output_shape": first.shape,
-        "order": 1,
-        "mode": "grid-constant",
-    }
-    measured = ~np.isnan(z)
-    weight = affine_transform(measured.astype(np.float64), **options)
-    laid_m = affine_transform(np.where(measured, z, 0.0), **options)
-    known = weight >= LEAST_MEASURED
-    laid_m[~known] = np.nan
-    np.divide(laid_m, weight, out=laid_m, where=known)
-    return laid_m
+    between = smooth_between if spline else straight_between
+    return between(z, matrix, offset, first.shape)
 
 
 def _coarse(first: HeightMap, second: HeightMap, given: Placement) -> Placement:

@@ -1,0 +1,149 @@
+"""Heights of a map at the points of another grid, by a cubic spline."""
+
+import numpy as np
+
+from capslip.surface.noise import noise_of_map_m
+from capslip.surface.rows import row_blocks
+
+LEAST_MEASURED = 0.5
+WHOLE_PIXELS = 1e-9
+FILLED_RINGS = 8  # of points not measured: of what lies beyond, 0.27^8 reaches a spline
+FAR_FROM_STRAIGHT = 6.0  # rms of noise: white noise does not bend a spline so far
+
+
+def straight_between(
+    height_m: np.ndarray, matrix: np.ndarray, offset: np.ndarray, shape: tuple[int, int]
+) -> np.ndarray:
+    """Interpolate heights linearly.
+
+    Parameters
+    ----------
+    height_m : float64, shape (ny, nx)
+        NaN where not measured.
+    matrix : ndarray, shape (2, 2)
+        From rows and columns of the new grid to those of the map.
+    offset : ndarray, shape (2,)
+        Where the first point of the new grid lies, in rows and columns of the map.
+    shape : (int, int)
+        Of the new grid.
+
+    Returns
+    -------
+    float64, of that shape
+        Means of the measured points beside a place, NaN where these have less than half of the
+        weight: half a pixel beyond the outermost points is as high as they are.
+    """
+    from scipy.ndimage import affine_transform
+
+    measured = ~np.isnan(height_m)
+    options = {
+        "matrix": matrix,
+        "offset": offset,
+        "output_shape": shape,
+        "order": 1,
+        "mode": "grid-constant",
+    }
+    weight = affine_transform(measured.astype(np.float64), **options)
+    laid_m: np.ndarray = affine_transform(np.where(measured, height_m, 0.0), **options)
+    known = weight >= LEAST_MEASURED
+    laid_m[~known] = np.nan
+    np.divide(laid_m, weight, out=laid_m, where=known)
+    return laid_m
+
+
+def smooth_between(
+    height_m: np.ndarray, matrix: np.ndarray, offset: np.ndarray, shape: tuple[int, int]
+) -> np.ndarray:
+    """Interpolate heights by a cubic spline.
+
+    A straight line between two points cuts off the crest between them, and contacts are on crests.
+
+    Parameters as of `straight_between`.
+
+    Returns
+    -------
+    float64, of that shape
+        NaN where `straight_between` has them. Points that are not measured are filled first, from
+        those around them, and the spline goes on beyond the outermost points as high as they are.
+        Beside a step, where it overshoots by a tenth of the step, it is held between the straight
+        line and what the points on either side lead to.
+    """
+    if on_points(matrix, offset):
+        return straight_between(height_m, matrix, offset, shape)
+    from scipy.ndimage import affine_transform, spline_filter
+
+    measured = (~np.isnan(height_m)).view(np.uint8)
+    far_m = FAR_FROM_STRAIGHT * noise_of_map_m(height_m)
+    filled_m = _filled(np.pad(height_m, FILLED_RINGS, constant_values=np.nan))
+    spline_m = spline_filter(filled_m, 3, mode="mirror")
+    laid_m = np.empty(shape)
+    for rows in row_blocks(shape):
+        first = offset + matrix[:, 0] * rows.start
+        grid = {"matrix": matrix, "output_shape": (rows.stop - rows.start, shape[1])}
+        within = {**grid, "offset": first + FILLED_RINGS, "mode": "nearest"}
+        straight_m = affine_transform(filled_m, **within, order=1)
+        some_m = affine_transform(spline_m, **within, order=3, prefilter=False)
+        weight = affine_transform(
+            measured, **grid, offset=first, order=1, mode="grid-constant", output=np.float64
+        )
+        some_m[weight < LEAST_MEASURED] = np.nan
+        bent_m = some_m - straight_m
+        row, col = np.nonzero(np.abs(bent_m) > far_m)
+        if row.size:
+            place = matrix @ np.stack((row, col)) + (first + FILLED_RINGS)[:, None]
+            most_m = _most_bent(filled_m, place)
+            some_m[row, col] = straight_m[row, col] + np.clip(bent_m[row, col], *most_m)
+        laid_m[rows] = some_m
+    return laid_m
+
+
+def on_points(matrix: np.ndarray, offset: np.ndarray) -> bool:
+    """Tell whether each point of the new grid is one of the map, or of the map continued."""
+    both = np.column_stack((matrix, offset))
+    return bool(np.abs(both - np.round(both)).max() < WHOLE_PIXELS)
+
+
+def _filled(height_m: np.ndarray) -> np.ndarray:
+    """Fill what is not measured from its neighbours, ring by ring, in place; far away by zero."""
+    from scipy.ndimage import binary_dilation
+
+    known = ~np.isnan(height_m)
+    height_m[~known] = 0.0
+    last = np.reshape(height_m.shape, (2, 1)) - 1
+    for _ in range(FILLED_RINGS):
+        ring = np.nonzero(binary_dilation(known) & ~known)
+        if ring[0].size == 0:
+            break
+        sum_m, n = np.zeros(ring[0].size), np.zeros(ring[0].size)
+        for step in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            beside = tuple(np.clip(np.add(ring, np.reshape(step, (2, 1))), 0, last))
+            sum_m += height_m[beside]  # zero where unknown
+            n += known[beside]
+        height_m[ring] = sum_m / n
+        known[ring] = True
+    return height_m
+
+
+def _most_bent(height_m: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return how far below and above the straight line heights may be at places, shape (2, n).
+
+    Between two points of a crest the lines that the points on either side make meet above the
+    straight line, and nothing smooth is higher. Both points must bend the same way: beside a step
+    only one of them does, and in it they bend apart.
+    """
+    ny, nx = height_m.shape
+    of_all_m = height_m.reshape(-1)
+    row, col = (
+        np.minimum(np.maximum(at.astype(np.intp), 1), n - 3)
+        for at, n in zip(place, (ny, nx), strict=True)
+    )
+    at, share = row * nx + col, place - np.stack((row, col))
+    most_m = np.zeros((2, at.size))
+    for along, across, part, other in ((nx, 1, *share), (1, nx, *share[::-1])):
+        for line, weight in ((at, 1.0 - other), (at + across, other)):
+            z_m = [of_all_m[line + k * along] for k in (-1, 0, 1, 2)]
+            bend_m = z_m[0] - 2.0 * z_m[1] + z_m[2], z_m[1] - 2.0 * z_m[2] + z_m[3]
+            for side, sign in ((0, 1.0), (1, -1.0)):
+                low_m, high_m = (np.maximum(sign * one_m, 0.0) for one_m in bend_m)
+                most_m[side] -= sign * weight * np.minimum(part * low_m, (1.0 - part) * high_m)
+    return most_m
