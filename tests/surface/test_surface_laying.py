@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.laying import smooth_between, straight_between
+from capslip.surface.laying import on_more_points, smooth_between, straight_between
 from capslip.surface.mating import composite_surface, place
 
 D_M = 2e-5
@@ -119,3 +119,19 @@ def test_half_a_pixel_beyond_the_outermost_points_is_as_high_as_they_are():
     assert found[-1] == pytest.approx(12.0 * np.ones(18), abs=0.1)
     aside = smooth_between(z, ACROSS, np.array([0.7, 0.0]), (12, 9))
     np.testing.assert_array_equal(np.isnan(aside[:, 4]), [False] * 11 + [True])
+
+
+def test_a_face_on_more_points_has_its_waves_its_sides_and_the_noise_that_is_left():
+    face, finer = (
+        face_of(waves_m, n, size_m) for n, size_m in ((SHAPE, D_M), ((225, 300), D_M / 1.5))
+    )
+    found = on_more_points(face, (225, 300))
+    assert found.side_m == pytest.approx(face.side_m, rel=1e-12)
+    assert (found.height_m - finer.height_m)[6:-6, 6:-6].std() < 0.01e-6
+    assert found.noise_m is None
+    noise_m = 1e-9 * np.random.default_rng(4).standard_normal((400, 500))
+    noisy = HeightMap(noise_m, (D_M, D_M), noise_m=1e-9)
+    for shape in ((460, 1000), (400, 500)):
+        found = on_more_points(noisy, shape)
+        assert found.noise_m == pytest.approx(found.height_m.std(), rel=0.006)
+    assert found is noisy

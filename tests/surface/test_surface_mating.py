@@ -12,7 +12,7 @@ from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition, sq_and_sz_m
 from capslip.surface.form import floor_slopes
 from capslip.surface.heightmap import Filling, HeightMap, Origin, Rounding
-from capslip.surface.mating import composite_surface, mate, place, problems_of_mating
+from capslip.surface.mating import _laid, composite_surface, mate, place, problems_of_mating
 
 D_M = 50e-6
 PIXEL_M = (D_M, D_M)
@@ -95,10 +95,92 @@ def test_a_finer_second_face_is_averaged_to_the_grid_of_the_first():
     noise = 1e-7 * np.random.default_rng(4).standard_normal(fine.shape)
     first = HeightMap(np.zeros((60, 90)), PIXEL_M)
     second = HeightMap(fine + noise, (D_M / 4, D_M / 4))
-    both = composite_surface(first, second, place(first, second))
+    laid_m = _laid(first, second, place(first, second), spline=True)
     blocks = fine[:, ::-1].reshape(60, 4, 90, 4).mean(axis=(1, 3))
-    off = both.height_m - flat(HeightMap(blocks, PIXEL_M))
+    off = flat(HeightMap(laid_m, PIXEL_M)) - flat(HeightMap(blocks, PIXEL_M))
     assert np.abs(off[3:-3, 3:-3]).std() < 5e-8
+
+
+def rough_m(x_m, y_m):
+    """Return waves of 8 and 12 fine pixels, 4 and 6 coarse ones."""
+    along_m = 0.6 * x_m + 0.8 * y_m
+    return 1e-6 * (np.cos(2 * np.pi * x_m / (4 * D_M)) + np.cos(2 * np.pi * along_m / (6 * D_M)))
+
+
+def face_of(height_m, shape, pixel_m):
+    y_m, x_m = ((np.arange(n) + 0.5) * size_m for n, size_m in zip(shape, pixel_m, strict=True))
+    return HeightMap(height_m(x_m[None, :], y_m[:, None]), pixel_m)
+
+
+def nothing_m(x_m, y_m):
+    return 0.0 * (x_m + y_m)
+
+
+FINE, COARSE = ((120, 180), (D_M / 2, D_M / 2)), ((60, 90), PIXEL_M)
+
+
+def test_a_coarse_first_face_keeps_all_of_a_finer_second_one():
+    """W of a rough face was 11 % off where a flat one of pixels twice as large came first."""
+    rough, coarse = face_of(rough_m, *FINE), face_of(nothing_m, *COARSE)
+    both = composite_surface(coarse, rough, place(coarse, rough))
+    expected = flat(HeightMap(rough.height_m[:, ::-1], rough.pixel_size_m))
+    assert both.pixel_size_m == pytest.approx(rough.pixel_size_m, rel=1e-12)
+    np.testing.assert_allclose(both.height_m, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("long", [(120, 90), (60, 180)])
+def test_a_sum_has_the_finer_pixels_of_both_whichever_comes_first(long):
+    pixel_m = 60 * D_M / long[0], 90 * D_M / long[1]
+    one, other = face_of(rough_m, *FINE), HeightMap(waves(long, 1), pixel_m)
+    first_one = composite_surface(one, other, place(one, other))
+    first_other = composite_surface(other, one, place(other, one))
+    assert first_one.shape == first_other.shape == FINE[0]
+    np.testing.assert_allclose(first_other.height_m[:, ::-1], first_one.height_m, atol=1e-12)
+
+
+def test_pixels_that_hardly_differ_are_those_of_the_first():
+    for times, shape in ((1.08, (60, 90)), (1.2, (72, 108))):
+        first, second = (
+            face_of(rough_m, *COARSE),
+            HeightMap(waves((100, 150), 1), (D_M / times, D_M / times)),
+        )
+        assert composite_surface(first, second, place(first, second)).shape == shape
+
+
+def test_a_tiny_second_face_makes_no_sum_of_more_points_than_both_have_use_for():
+    first, second = (
+        HeightMap(waves(n, 1), (size_m, size_m))
+        for n, size_m in (((60, 90), D_M), ((200, 300), D_M / 12))
+    )
+    both = composite_surface(first, second, place(first, second))
+    assert both.size == pytest.approx(4 * 200 * 300, rel=0.02)
+    assert both.side_m == pytest.approx(first.side_m, rel=1e-12)
+
+
+def test_on_finer_points_the_first_face_lies_still():
+    """What is said of places holds: where the faces are, and the part of each in the sum."""
+    first, second = (
+        condition(
+            face_of(
+                lambda x_m, y_m: (
+                    1e-6
+                    * np.exp(-((x_m - 2.6e-3) ** 2 + (y_m - 0.9e-3) ** 2) / (2 * (4 * D_M) ** 2))
+                ),
+                *of,
+            )
+        )
+        for of in (COARSE, FINE)
+    )
+    laid = place(first.surface, second.surface, offset_m=(3e-4, -2e-4), rotation_rad=0.3)
+    both = mate(first, second, laid)
+    assert both.surface.pixel_size_m == pytest.approx((D_M / 2, D_M / 2), rel=1e-12)
+    x_m, y_m = laid.on_first(np.array([2.6e-3]), np.array([0.9e-3]))
+    for height_m, at in (
+        (both.second_m, (y_m[0], x_m[0])),
+        (both.surface.height_m - both.second_m, (0.9e-3, 2.6e-3)),
+    ):
+        top = np.unravel_index(np.nanargmax(height_m), height_m.shape)
+        assert (np.array(top) + 0.5) * D_M / 2 == pytest.approx(at, abs=0.4 * D_M)
 
 
 def worn_pair(offset_m, rotation_rad, mirror, noise_m=3e-8, second_pixel_m=D_M):
@@ -243,7 +325,7 @@ def test_finer_pixels_are_smoothed_to_two_of_the_first_and_equal_ones_are_left(
     wave_m = 1e-6 * np.cos(2.0 * np.pi * from_middle_m / (8.0 * D_M))
     height_m = np.broadcast_to(wave_m[:, None] if axis == 0 else wave_m, shape)
     first, second = HeightMap(np.zeros((40, 40)), PIXEL_M), HeightMap(height_m, tuple(own_m))
-    both = composite_surface(first, second, place(first, second)).height_m[8:-8, 8:-8]
+    both = _laid(first, second, place(first, second))[8:-8, 8:-8]
     # between two points of the second face a straight line cuts the wave a little
     left = both.std() / wave_m.std() / (2.0 ** -(1 / 16) if smoothed else 1.0)
     assert left == pytest.approx(1.0, abs=0.02 if ratio == 8.0 else 0.09)
@@ -262,7 +344,7 @@ def laid_wave_m(wavelength_m, along, shape, pixel_m, rotation_rad):
     first = HeightMap(np.zeros((100, 1000)), LONG_M)
     second = HeightMap(height_m, pixel_m)
     laid = place(first, second, rotation_rad=rotation_rad)
-    return np.sqrt(2.0) * np.nanstd(composite_surface(first, second, laid).height_m)
+    return np.sqrt(2.0) * np.nanstd(_laid(first, second, laid, spline=True))
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2, 3])

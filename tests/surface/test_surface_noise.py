@@ -112,6 +112,7 @@ def test_two_faces_have_the_same_noise_whether_their_files_say_it_or_the_setting
         ((600, 480), (5e-5, 1e-4), {}),  # finer along one axis alone
         ((520, 640), (8e-5, 7e-5), {}),
         ((240, 320), (1.3e-4, 1.3e-4), {}),  # coarser: interpolated alone
+        ((300, 400), (7.7e-5, 1e-4), {}),  # finer: the first is interpolated
         ((300, 400), (1e-4, 1e-4), {"offset_m": (5e-5, 2e-5)}),
         ((300, 400), (1e-4, 1e-4), {"rotation_rad": 0.3}),
         ((1000, 900), (3e-5, 9e-5), {"rotation_rad": 1.3}),

@@ -184,7 +184,7 @@ def _mated(step: dict[str, Any]) -> list[str]:
     dy_m, dx_m = step["offset_m"]
     at = f"{engineering(dx_m, 'm', 4)} along x and {engineering(dy_m, 'm', 4)} along y"
     found = "" if step["correlation"] is None else ", where the sum of both varies least"
-    both = "the heights of both were added, on the points of the first"
+    both = "the heights of both were added, on the finer points of the two"
     if step["way"] == "together":
         both = "each was cut by itself, against a plane, and the caps of both were counted"
     return [

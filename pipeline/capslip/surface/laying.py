@@ -1,8 +1,11 @@
-"""Heights of a map at the points of another grid, by a cubic spline."""
+"""Heights of a map at the points of another grid, by a cubic spline or straight lines."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from capslip.surface.noise import noise_of_map_m
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import noise_left, noise_of_map_m
 from capslip.surface.rows import row_blocks
 
 LEAST_MEASURED = 0.5
@@ -95,6 +98,34 @@ def smooth_between(
             some_m[row, col] = straight_m[row, col] + np.clip(bent_m[row, col], *most_m)
         laid_m[rows] = some_m
     return laid_m
+
+
+def on_more_points(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
+    """Return the same face, in the same frame, on a finer grid, with the noise that is left there.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Any.
+    shape : (int, int)
+        (ny, nx), no less than its own.
+    """
+    if shape == surface.shape:
+        return surface
+    share = np.array(surface.shape) / shape
+    first = 0.5 * share - 0.5
+    noise_m = surface.noise_m
+    if noise_m is not None:
+        row, column = np.ogrid[: shape[0], : shape[1]]
+        places = row * share[0] + first[0], column * share[1] + first[1]
+        noise_m *= noise_left(places, (0.0, 0.0))
+    size_y_m, size_x_m = share * surface.pixel_size_m
+    return replace(
+        surface,
+        height_m=smooth_between(surface.height_m, np.diag(share), first, shape),
+        pixel_size_m=(size_y_m, size_x_m),
+        noise_m=noise_m,
+    )
 
 
 def on_points(matrix: np.ndarray, offset: np.ndarray) -> bool:

@@ -12,7 +12,7 @@ from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
-from capslip.surface.laying import smooth_between, straight_between
+from capslip.surface.laying import on_more_points, smooth_between, straight_between
 from capslip.surface.noise import noise_left
 from capslip.surface.resampling import resample
 from capslip.surface.shifts import LEAST_OVERLAP, match_by_shift
@@ -25,7 +25,8 @@ Way = Literal["composite", "together"]
 LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
 LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
 LEAST_MATCH = 0.5
-FINER = 1.1  # pixels smaller by less need no smoothing first
+FINER = 1.1  # pixels smaller by less need no smoothing first, and no other points
+MOST_POINTS = 4  # of a sum for one of the larger face
 COARSE_POINTS = 128
 MAX_ROTATION_RAD = math.radians(5.0)
 FINE_POINTS = 512
@@ -153,9 +154,10 @@ def composite_surface(
     Returns
     -------
     HeightMap
-        On the grid of the first face, its plane taken off; points where one face is missing are
-        non-measured. The second face is interpolated by a cubic spline, after a Gaussian with a
-        nesting index of two pixels of the first where its own are finer.
+        On the first face as it lies, its plane taken off, and on pixels as small as those of the
+        second along each axis where these are smaller; points where one face is missing are
+        non-measured. Between points a cubic spline goes, of the second face after a Gaussian with a
+        nesting index of two pixels where its own are finer still, as of one that covers little.
 
     Raises
     ------
@@ -170,6 +172,14 @@ def composite_surface(
     >>> bool(np.abs(both.height_m).max() < 1e-15)
     True
     """
+    on_same = _on_finer_points(first, second, placement)
+    return _sum(on_same, second, placement, robust=robust, floor=floor)
+
+
+def _sum(
+    first: HeightMap, second: HeightMap, placement: Placement, *, robust: bool, floor: bool
+) -> HeightMap:
+    """Add the heights of the second face to those of the first, on the points of the first."""
     height_m = first.height_m + _laid(first, second, placement, spline=True)
     covered = np.count_nonzero(np.isfinite(height_m)) / height_m.size
     if covered < LEAST_TO_PRESS:
@@ -189,6 +199,23 @@ def composite_surface(
         faces=first.faces + second.faces,
     )
     return without_lost_tops(remove_form(both, robust=robust, floor=floor)[0])
+
+
+def _on_finer_points(first: HeightMap, second: HeightMap, placement: Placement) -> HeightMap:
+    """Return the first face on points as close as those of the second, where these are closer.
+
+    What the pixels of a coarse first face cannot show of the second would be lost. A second face
+    that covers half of the first has half as many points as it takes; where it covers less, or long
+    pixels lie across each other, there may be fewer than it has.
+    """
+    matrix, _ = _to_second(first, second, placement)
+    times = np.hypot(*matrix)
+    times = np.where(times > FINER, times, 1.0)
+    most, product = MOST_POINTS * max(first.size, second.size) / first.size, math.prod(times)
+    if product > most:
+        times **= math.log(most) / math.log(product)
+    ny, nx = (round(n * one) for n, one in zip(first.shape, times, strict=True))
+    return on_more_points(first, (ny, nx))
 
 
 def _tops(first: HeightMap, second: HeightMap, placement: Placement) -> Tops | None:
@@ -269,9 +296,8 @@ def mate(
     UnusableSurfaceError
         If the faces do not overlap.
     """
-    surface = composite_surface(
-        first.surface, second.surface, placement, robust=robust, floor=floor
-    )
+    on_same = _on_finer_points(first.surface, second.surface, placement)
+    surface = _sum(on_same, second.surface, placement, robust=robust, floor=floor)
     step = {
         "step": "mating",
         "way": way,
@@ -301,7 +327,7 @@ def mate(
         for problem in face.problems
     ]
     sq_m, sz_m = sq_and_sz_m(surface)
-    second_m = surface.height_m - first.surface.height_m
+    second_m = surface.height_m - on_same.height_m
     found = surface, sq_m, sz_m, steps, (*problems, *doubts)
     return Conditioned(*found, second_m=second_m, tops_of_scans=tops)
 
