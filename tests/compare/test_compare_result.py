@@ -89,11 +89,18 @@ def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
 
 
 def test_a_stored_sum_of_two_faces_is_known_as_one(surface, result, tmp_path):
-    settings = load_settings(overrides=("conditioning.form='none'", *CAPS_ALONE))
     flat = HeightMap(np.zeros(surface.shape), surface.pixel_size_m)
-    tables.write_result(analyze(surface, settings, flat), tmp_path)
-    for folder, faces in ((tmp_path, 2), (result[0], 1)):
-        assert _load_surface_and_caps(folder / "result.h5")[0].faces == faces
+    aside_m = [0.5 * one for one in surface.pixel_size_m]
+    aside = load_settings(
+        overrides=("conditioning.form='none'", *CAPS_ALONE, f"mating.offset_m={aside_m}")
+    )
+    sum_of_both = analyze(surface, aside, flat)
+    tables.write_result(sum_of_both, tmp_path)
+    scans = sum_of_both.conditioned.surface.scans_of_noise
+    assert scans == pytest.approx(1.572, abs=1e-3)  # so much is left of the variance of the second
+    for folder, faces, of_noise in ((tmp_path, 2, scans), (result[0], 1, 1.0)):
+        stored = _load_surface_and_caps(folder / "result.h5")[0]
+        assert (stored.faces, stored.scans_of_noise) == (faces, of_noise)
 
 
 def test_what_holds_a_face_upright_is_at_ease_as_in_its_analysis(tmp_path):

@@ -106,6 +106,29 @@ def test_two_faces_have_the_same_noise_whether_their_files_say_it_or_the_setting
 
 
 @pytest.mark.parametrize(
+    ("laid", "finer"), [(("[2e-4,2e-4]", "0"), 1.0), (("[0,0]", "0.3"), 1.0), (("[0,0]", "0"), 1.7)]
+)
+def test_what_interpolation_takes_off_is_taken_off_noise_that_the_settings_say(laid, finer):
+    """Half a pixel aside 1.13 times as much was taken for noise as was there."""
+    placed = (f"mating.offset_m={laid[0]}", f"mating.rotation_rad={laid[1]}")
+    asked = load_settings(overrides=(*placed, "contact.model=caps", "instrument.noise_m=2e-9"))
+    scene = Scene((60, 80), (4e-4, 4e-4), 3, families=(CapFamily("G", 4, 23.8),))
+    first = synthetic_surface(scene)[0]
+    shape, pixel_m = tuple(round(finer * n) for n in first.shape), 4e-4 / finer
+    second = HeightMap(np.zeros(shape), (pixel_m, pixel_m))
+    known_m = []
+    for noise_m in (None, 2e-9):
+        one, other = (replace(face, noise_m=noise_m) for face in (first, second))
+        surface = find_face(one, asked, other, Clock()).conditioned.surface
+        known_m.append(known_noise_m(surface, asked))
+    told = surface.noise_m
+    assert told < 0.97 * np.sqrt(2.0) * 2e-9
+    assert known_m == pytest.approx([told, told], rel=1e-12)
+    scans = (told / 2e-9) ** 2
+    assert elastic_face(surface, 1e11).faces == pytest.approx(scans, rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("shape", "pixel_m", "laid"),
     [
         ((1200, 1600), (2.5e-5, 2.5e-5), {}),  # a tenth is left

@@ -290,9 +290,10 @@ def _load_surface_and_caps(path: Path) -> tuple[HeightMap, CapTable]:
         with h5py.File(path) as file:
             columns: dict[str, Any] = {name: data[()] for name, data in file["caps"].items()}
             height = file["surface/height_m"]
-            pixel_size_m, noise_m = tuple(height.attrs["pixel_size_m"]), height.attrs.get("noise_m")
+            known = {name: height.attrs.get(name) for name in ("noise_m", "noise_scans")}
             faces = 2 if "second_height_m" in file["surface"] else 1
-            surface = HeightMap(height[()], pixel_size_m, noise_m=noise_m, faces=faces)
+            pixel_size_m = tuple(height.attrs["pixel_size_m"])
+            surface = HeightMap(height[()], pixel_size_m, faces=faces, **known)
     except (OSError, KeyError) as error:
         raise UnreadableFileError(
             f"{path}: cannot be read ({error}); run the analysis again"

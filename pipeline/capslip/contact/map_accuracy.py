@@ -354,11 +354,12 @@ def _less_noise(
     taken: TakenNoise | None,
     pixel_m: float,
     white_m: float | None = None,
-    faces: int = 1,
+    faces: float = 1,
 ) -> str:
     """Return what to do about noise that does so many times what it may, or may be no noise.
 
-    The setting is the noise of one scan, of which two faces have two.
+    The setting is the noise of one scan, of which two faces have two, less what interpolation
+    takes off.
     """
     scans = max(2, math.ceil(too_much**2))
     less = f"average {scans} scans (capslip average)"

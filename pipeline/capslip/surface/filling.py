@@ -203,3 +203,17 @@ def from_nearest(height_m: np.ndarray) -> np.ndarray:
 
     nearest = distance_transform_edt(lost, return_distances=False, return_indices=True)
     return np.asarray(height_m[tuple(nearest)])
+
+
+def joined_filling(first: HeightMap, second: HeightMap) -> Filling | None:
+    """Return that of the map with the greater error, with the errors of both; its points are none.
+
+    A hill is missed as easily as where the fewest points stand.
+    """
+    both = [one.filling for one in (first, second) if one.filling is not None]
+    if not both:
+        return None
+    error_m = math.hypot(*(one.error_m for one in both))
+    density_m2 = min(one.density_m2 for one in both)
+    worse = max(both, key=lambda one: one.error_m)
+    return replace(worse, error_m=error_m, density_m2=density_m2, measured=None)

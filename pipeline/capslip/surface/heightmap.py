@@ -136,6 +136,9 @@ class HeightMap:
         Measurement noise, rms of a height as stored, where the file says it: see `average`.
     faces : int
         How many faces it is the sum of: two are mated.
+    noise_scans : float, optional
+        Of how many scans its noise has the variance, as many as faces where that is not known:
+        interpolation takes some off.
     floor_slope : (float, float), optional
         Slopes along y and x of the floor of the sum of two faces whose caps are counted together.
     void : bool
@@ -174,6 +177,7 @@ class HeightMap:
     faces: int = 1
     floor_slope: tuple[float, float] | None = None
     void: bool = False
+    noise_scans: float | None = None
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
     lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)
@@ -214,6 +218,7 @@ class HeightMap:
         for name, kind in (("tops", Tops), ("filling", Filling), ("rounding", Rounding)):
             check_kind(name, getattr(self, name), (kind, type(None)), f"{kind.__name__}, or None")
         check_kind("faces", self.faces, Integral, "a whole number")
+        check_kind("noise_scans", self.noise_scans, (Real, type(None)), "a number, or None")
         truth_of("void", self.void)
 
     def _hold(self, stored_m: np.ndarray, lost: np.ndarray, added: "_Added | None") -> None:
@@ -423,6 +428,11 @@ class HeightMap:
         (ny, nx), (dy_m, dx_m) = self.shape, self.pixel_size_m
         row, col = (y_m / dy_m).astype(np.intp), (x_m / dx_m).astype(np.intp)
         return np.clip(row, 0, ny - 1), np.clip(col, 0, nx - 1)
+
+    @property
+    def scans_of_noise(self) -> float:
+        """Of how many scans its noise has the variance."""
+        return float(self.faces if self.noise_scans is None else self.noise_scans)
 
     @property
     def pixel_area_m2(self) -> float:

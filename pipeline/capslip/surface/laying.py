@@ -114,17 +114,16 @@ def on_more_points(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         return surface
     share = np.array(surface.shape) / shape
     first = 0.5 * share - 0.5
-    noise_m = surface.noise_m
-    if noise_m is not None:
-        row, column = np.ogrid[: shape[0], : shape[1]]
-        places = row * share[0] + first[0], column * share[1] + first[1]
-        noise_m *= noise_left(places, (0.0, 0.0))
+    row, column = np.ogrid[: shape[0], : shape[1]]
+    places = row * share[0] + first[0], column * share[1] + first[1]
+    left = noise_left(places, (0.0, 0.0))
     size_y_m, size_x_m = share * surface.pixel_size_m
     return replace(
         surface,
         height_m=smooth_between(surface.height_m, np.diag(share), first, shape),
         pixel_size_m=(size_y_m, size_x_m),
-        noise_m=noise_m,
+        noise_m=None if surface.noise_m is None else left * surface.noise_m,
+        noise_scans=left**2 * surface.scans_of_noise,
     )
 
 

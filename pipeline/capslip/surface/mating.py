@@ -9,12 +9,14 @@ import numpy as np
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
+from capslip.surface.filling import joined_filling
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
-from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
+from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.laying import on_more_points, smooth_between, straight_between
 from capslip.surface.noise import noise_left
 from capslip.surface.resampling import resample
+from capslip.surface.rounding import joined_rounding
 from capslip.surface.shifts import LEAST_OVERLAP, match_by_shift
 from capslip.surface.tops import joined_tops, without_lost_tops
 from capslip.units import percent
@@ -189,13 +191,15 @@ def _sum(
             f"overlap by at least {100 * LEAST_TO_PRESS:.2g} %; check mating.offset_m, "
             "mating.mirror and the units"
         )
+    noise_m, noise_scans = _noise(first, second, placement)
     both = replace(
         first,
         height_m=height_m,
         tops=_tops(first, second, placement),
-        filling=_filling(first, second),
-        rounding=_rounding(first, second),
-        noise_m=_noise_m(first, second, placement),
+        filling=joined_filling(first, second),
+        rounding=joined_rounding(first, second),
+        noise_m=noise_m,
+        noise_scans=noise_scans,
         faces=first.faces + second.faces,
     )
     return without_lost_tops(remove_form(both, robust=robust, floor=floor)[0])
@@ -227,38 +231,16 @@ def _tops(first: HeightMap, second: HeightMap, placement: Placement) -> Tops | N
     return joined_tops(first.tops, other)
 
 
-def _filling(first: HeightMap, second: HeightMap) -> Filling | None:
-    """Return that of the map with the greater error, with the errors of both; its points are none.
-
-    A hill is missed as easily as where the fewest points stand.
-    """
-    both = [one.filling for one in (first, second) if one.filling is not None]
-    if not both:
-        return None
-    error_m = math.hypot(*(one.error_m for one in both))
-    density_m2 = min(one.density_m2 for one in both)
-    worse = max(both, key=lambda one: one.error_m)
-    return replace(worse, error_m=error_m, density_m2=density_m2, measured=None)
-
-
-def _rounding(first: HeightMap, second: HeightMap) -> Rounding | None:
-    """Return the coarser steps of two maps, with the errors of both."""
-    both = [one.rounding for one in (first, second) if one.rounding is not None]
-    if not both:
-        return None
-    error_m = math.hypot(*(one.error_m for one in both))
-    smoothed = all(one.smoothed for one in both)
-    return Rounding(max(one.step_m for one in both), error_m, smoothed)
-
-
-def _noise_m(first: HeightMap, second: HeightMap, placement: Placement) -> float | None:
-    """Return the noise of the sum of two maps, where both say theirs."""
-    if first.noise_m is None or second.noise_m is None:
-        return None
+def _noise(first: HeightMap, second: HeightMap, placement: Placement) -> tuple[float | None, float]:
+    """Return the noise of the sum of two maps, where both say theirs, and of how many scans."""
     matrix, offset = _to_second(first, second, placement)
     row, column = np.ogrid[: first.shape[0], : first.shape[1]]
     places = (y * row + x * column + at for (y, x), at in zip(matrix, offset, strict=True))
-    return math.hypot(first.noise_m, second.noise_m * noise_left(places, _finer(matrix)))
+    left = noise_left(places, _finer(matrix))
+    scans = first.scans_of_noise + left**2 * second.scans_of_noise
+    if first.noise_m is None or second.noise_m is None:
+        return None, scans
+    return math.hypot(first.noise_m, left * second.noise_m), scans
 
 
 def mate(

@@ -135,7 +135,7 @@ def noise_left(place: Iterable[np.ndarray], nesting_index: Iterable[float]) -> f
             for j, other in enumerate(of_four)
         )
         left = left * np.interp(at - np.floor(at), between, square)
-    return math.sqrt(left.mean())
+    return round(math.sqrt(left.mean()), 12)  # of whole pixels all, exactly
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
@@ -160,7 +160,7 @@ def some_lines(window: slice, count: int) -> np.ndarray:
 def known_noise_m(surface: HeightMap, settings: "Settings") -> float | None:
     """Return the measurement noise of a map: as somebody says, else as its file does, or None.
 
-    What is said is that of one scan; a sum of two has that of both.
+    What is said is that of one scan; a sum of two has that of both, less what interpolation takes.
     """
     given_m = settings.instrument.noise_m
-    return surface.noise_m if given_m is None else given_m * math.sqrt(surface.faces)
+    return surface.noise_m if given_m is None else given_m * math.sqrt(surface.scans_of_noise)

@@ -43,7 +43,7 @@ class ElasticFace:
     hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
     before: "ElasticFace | None" = field(default=None, kw_only=True)  # a load, with its hardness
     taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
-    faces: int = field(default=1, kw_only=True)  # that it is the sum of
+    faces: float = field(default=1, kw_only=True)  # that it has the noise of, as variance
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":
@@ -158,7 +158,7 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
     depth_m = np.where(measured, surface.bounds_m[1] - surface.height_m, 0.0)
     half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
     given = name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space
-    return ElasticFace(*given, faces=surface.faces)
+    return ElasticFace(*given, faces=surface.scans_of_noise)
 
 
 def coarse(values: np.ndarray) -> np.ndarray:
