@@ -163,7 +163,7 @@ def analyze_families(settings: Settings) -> JointResult:
         families=families,
         contact=contact,
         slip=_sheared(curve, joint, contact.composite.kappa, settings, clock),
-        problems=(*problems, *problems_of_pressure(contact)),
+        problems=(*problems, *contact.problems, *problems_of_pressure(contact)),
         timings_s=clock.seconds,
         started=started,
     )

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -122,6 +123,29 @@ def test_one_family_is_enough():
     ran = run("--m", "5", "--radius-G", "23.8", "--preload", "89.35", "--json")
     assert ran.exit_code == 0, ran.output
     assert json.loads(ran.stdout)["families"]["P"] is None
+
+
+@pytest.mark.parametrize(("share", "closes"), [(0.249, False), (0.251, True), (0.999, True)])
+def test_contacts_are_held_against_the_area_of_the_joint(share, closes):
+    """Five spheres in a row: each touches on pi a^2, with a^3 = 3 N R / (4 E*)."""
+    E_star_Pa, R, N, m = 200e9 / (2 * (1 - 0.3**2)), 23.8, 460.0, 5
+    contact_m2 = m * np.pi * (0.75 * N / m * R / E_star_Pa) ** (2 / 3)
+    one = ("--m", str(m), "--radius-G", str(R), "--preload", str(N), "--json", "--area")
+    ran = run(*one, f"{contact_m2 / share:.17g}m2")
+    assert ran.exit_code == 0, ran.output
+    found = json.loads(ran.stdout)
+    said = [one["message"] for one in found["problems"] if one["code"] == "face_closes"]
+    assert len(said) == closes
+    assert found["status"] == ("check" if closes else "ok")
+    start = f"{100 * share:.0f} % of the face touches under 5 contacts"
+    assert all(one.startswith(start) for one in said)
+
+
+def test_contacts_of_more_area_than_the_joint_are_refused():
+    ran = run(*PAIR, "--preload", "1e6", "--area", "1cm2")
+    assert (ran.exit_code, ran.stdout, ran.stderr.count("\n")) == (3, "", 1)
+    assert "1e+06 N need a contact area of 0.0283 m2 on a joint of 0.0001 m2" in ran.stderr
+    assert run(*PAIR, "--preload", "1e6").exit_code == 0  # of no area nothing is known
 
 
 def test_families_beside_a_scan_are_refused():

@@ -12,10 +12,12 @@ from capslip.contact.flattening import flattened_families, top_m
 from capslip.contact.joint import Joint
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.families import RUNG, contacts_of_families, curve_of
-from capslip.contact.press import ContactState
+from capslip.contact.press import ContactState, problems_of_closing, refuse_more_than_all
+from capslip.contact.rung import Contacts
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import SettingsError
+from capslip.problems import Problem
 from capslip.settings import Settings
 
 
@@ -54,6 +56,8 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     SettingsError
         If the settings ask for what needs a scan, as another contact model does, or leave the load
         open.
+    ContactError
+        If the families cannot carry the load, or touch on more than the area that was given.
     """
     material = settings.material
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
@@ -72,6 +76,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
+    problems = _beside_the_area(found, preload_N, settings.joint.area_m2)
     pressure_Pa, yielded_m2, left_m = found.max_pressure_Pa, None, None
     if law is not None and pressure_Pa is not None:
         pressure_Pa = min(pressure_Pa, law.hardness_Pa)
@@ -102,7 +107,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         load_point_m=(math.nan, math.nan),
         eccentricity_m=None,
         tilt_rad=(0.0, 0.0),
-        problems=(),
+        problems=tuple(problems),
         hardness_Pa=None if law is None else law.hardness_Pa,
         yielded_area_m2=yielded_m2,
         left_m=left_m,
@@ -123,6 +128,15 @@ def _preload_N(settings: Settings) -> float:
             "joint.area_m2 with it"
         )
     return contact.nominal_pressure_Pa * area_m2
+
+
+def _beside_the_area(found: Contacts, preload_N: float, area_m2: float | None) -> list[Problem]:
+    """Return whether the joint closes, where its area is known; refuse contacts of more than it."""
+    if area_m2 is None:
+        return []
+    expected = f"on a joint of {area_m2:.3g} m2; expected less; check --area, preload and units"
+    refuse_more_than_all(RUNG, preload_N, found, area_m2, expected)
+    return problems_of_closing(found, area_m2)
 
 
 def _refuse_what_needs_a_scan(settings: Settings) -> None:

@@ -244,7 +244,7 @@ def press(
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, greatest * preload_N)
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
-    problems += _closes(found, surface)
+    problems += problems_of_closing(found, surface.measured_area_m2)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance, scene.noise_m)
@@ -373,11 +373,8 @@ def _contacts(
     """
     found, law, radius_m = model.contacts(scene, curve, approach_m), scene.law, caps.radius_m
     face_m2 = float(scene.surface.n_measured) * scene.surface.pixel_area_m2
-    if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
-        raise ContactError(
-            f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2 as "
-            f"the face lies; expected less than the {face_m2:.3g} m2 measured of it"
-        )
+    as_it_lies = f"as the face lies; expected less than the {face_m2:.3g} m2 measured of it"
+    refuse_more_than_all(model, scene.preload_N, found, face_m2, as_it_lies)
     yielded = np.zeros(len(caps), dtype=bool)
     if law is not None:
         yielded = law.yielded(found.load_N, radius_m)
@@ -392,9 +389,26 @@ def _contacts(
     return found, a_m
 
 
-def _closes(found: Contacts, surface: HeightMap) -> list[Problem]:
+def refuse_more_than_all(
+    model: Rung, preload_N: float, found: Contacts, face_m2: float, expected: str
+) -> None:
+    """Refuse contacts of more area than the face has.
+
+    Raises
+    ------
+    ContactError
+        If no gap is left; it says what was expected.
+    """
+    touching_m2 = found.area_m2
+    if touching_m2 is not None and touching_m2 > FULL * face_m2:
+        raise ContactError(
+            f"{model.name}: {preload_N:g} N need a contact area of {touching_m2:.3g} m2 {expected}"
+        )
+
+
+def problems_of_closing(found: Contacts, face_m2: float) -> list[Problem]:
     """Return whether more of the face touches than tops of its waviness would."""
-    share = 0.0 if found.area_m2 is None else found.area_m2 / surface.measured_area_m2
+    share = 0.0 if found.area_m2 is None else found.area_m2 / face_m2
     if share <= CLOSING:
         return []
     message = (
