@@ -148,6 +148,22 @@ def test_contacts_of_more_area_than_the_joint_are_refused():
     assert run(*PAIR, "--preload", "1e6").exit_code == 0  # of no area nothing is known
 
 
+@pytest.mark.parametrize("yields", [(), ("--set", "material.hardness_Pa=1e9")])
+@pytest.mark.parametrize(("h", "touches"), [(0.999, True), (1.001, False), (1e6, False)])
+def test_given_P_caps_that_do_not_touch_are_told_with_their_depth(h, touches, yields):
+    """Under the load that brings the G-caps down by 255.1 nm, for h beside that, and in metres."""
+    m, R, N, E_star_Pa = 5, 23.8, 460.0, 200e9 / (2 * (1 - 0.3**2))
+    down_m = (0.75 * N / (m * E_star_Pa * R**0.5)) ** (2 / 3)
+    ran = run(*PAIR[:8], "--h", repr(float(h * down_m)), "--preload", str(N), "--json", *yields)
+    assert ran.exit_code == 0, ran.output
+    found = json.loads(ran.stdout)
+    said = [one["message"] for one in found["problems"] if one["code"] == "P_not_in_contact"]
+    assert found["contact"]["contacts"] == (23 if touches else 5)
+    assert len(said) == (not touches)
+    told = f"{1e9 * h * down_m:.3g} nm" if h < 10 else f"{1e3 * h * down_m:.0f} mm"
+    assert all(f"they lie {told} below" in one and "approach by 255 nm" in one for one in said)
+
+
 def test_families_beside_a_scan_are_refused():
     with pytest.raises(SettingsError, match=r"families\.m: got families together with a scan"):
         capslip.analyze(

@@ -77,6 +77,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
     problems = _beside_the_area(found, preload_N, settings.joint.area_m2)
+    problems += _of_P(families, found.family[curve.asperity_loads_N(approach_m) > 0.0], approach_m)
     pressure_Pa, yielded_m2, left_m = found.max_pressure_Pa, None, None
     if law is not None and pressure_Pa is not None:
         pressure_Pa = min(pressure_Pa, law.hardness_Pa)
@@ -137,6 +138,17 @@ def _beside_the_area(found: Contacts, preload_N: float, area_m2: float | None) -
     expected = f"on a joint of {area_m2:.3g} m2; expected less; check --area, preload and units"
     refuse_more_than_all(RUNG, preload_N, found, area_m2, expected)
     return problems_of_closing(found, area_m2)
+
+
+def _of_P(families: Families, touching: np.ndarray, approach_m: float) -> list[Problem]:
+    """Return whether P-caps were given that touch nothing, as where h is in another unit."""
+    if families.P is None or "P" in touching:
+        return []
+    message = (
+        f"no P-cap touches under this preload: they lie {-families.P.peak_height_m:.3g} m below "
+        f"the G-caps, and the faces approach by {approach_m:.3g} m"
+    )
+    return [Problem("P_not_in_contact", "info", message)]
 
 
 def _refuse_what_needs_a_scan(settings: Settings) -> None:
