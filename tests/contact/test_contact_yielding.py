@@ -383,6 +383,30 @@ def test_families_that_are_given_yield_like_those_of_a_scan():
         analyze_families(load_settings(overrides=(*sets[:-1], "families.approach_m=1e-6")))
 
 
+@pytest.mark.parametrize("of_most", [0.999, 1.001])
+@pytest.mark.parametrize("model", [*RUNGS, None])
+def test_a_cap_that_yields_is_no_wider_than_it_was_a_sphere(model, of_most):
+    """At full plasticity a^2 = N / (pi H): pi R^2 H is the load of a = R."""
+    H, R = 1e7, 2e-3
+    load_N = 2.0 * of_most * np.pi * R**2 * H
+    given = (f"material.hardness_Pa={H!r}", f"contact.preload_N={load_N!r}")
+    wider = rf"a load of {load_N:g} N makes a contact wider than its asperity: of 0\.002 m on"
+
+    def contact():
+        if model is None:
+            sets = ("families.m=2", f"families.radius_G_m={R!r}", *given)
+            return analyze_families(load_settings(overrides=sets)).contact
+        caps, families = group_families(table([0.0, 0.1], [0.0, 0.0], [R, R], [0.0, 0.0]))
+        settings = load_settings(overrides=(f"contact.model={model}", *given))
+        return press(caps, families, HeightMap(np.zeros((20, 30)), (0.1, 0.1)), settings)[0]
+
+    if of_most > 1.0:
+        with pytest.raises(ContactError, match=wider):
+            contact()
+    else:
+        assert contact().contact_area_m2 == pytest.approx(load_N / H, rel=1e-3)
+
+
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
 def test_a_soft_face_is_wider_in_contact_and_loses_less_at_given_force(alignment):
     caps = [

@@ -9,7 +9,12 @@ from capslip.caps.families import Families, Family
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.curve import NormalCurve
 from capslip.contact.rung import Rung, Scene
-from capslip.contact.solvers.yielding import YieldLaw, first_loading, first_loading_at
+from capslip.contact.solvers.yielding import (
+    FirstLoading,
+    YieldLaw,
+    first_loading,
+    first_loading_at,
+)
 from capslip.errors import ContactError
 
 
@@ -30,7 +35,7 @@ def flattened(model: Rung, scene: Scene) -> Scene:
     Raises
     ------
     ContactError
-        If no equilibrium is found.
+        If no equilibrium is found, or a contact is wider than its asperity was before.
     """
     if scene.law is None or model.made_from != "spheres":
         return scene
@@ -144,6 +149,7 @@ def _of_caps(model: Rung, scene: Scene) -> Scene:
         compliance_m_per_N=getattr(curve, "pair_compliance_m_per_N", None),
         start_m=getattr(curve, "start_m", scene.start_m),
     )
+    _refuse_wider(model.name, after, scene.radius_m, scene.preload_N)
     if (after.radius_m == scene.radius_m).all():
         return scene  # with its own start: where contacts run together there are several balances
     radius_m, peak_m = caps.radius_m.copy(), caps.peak_height_m.copy()
@@ -161,11 +167,10 @@ def flattened_families(
     if law is None or not members:
         return families
     peak_m = np.array([one.peak_height_m for one in members])
-    depth_m = peak_m.max() - peak_m
-    after = first_loading(
-        *(law, np.array([one.radius_m for one in members]), depth_m, E_star_Pa, preload_N),
-        count=np.array([float(one.count) for one in members]),
-    )
+    radius_m, depth_m = np.array([one.radius_m for one in members]), peak_m.max() - peak_m
+    count = np.array([float(one.count) for one in members])
+    after = first_loading(law, radius_m, depth_m, E_star_Pa, preload_N, count=count)
+    _refuse_wider("families", after, radius_m, preload_N)
     lower_m = after.depth_m - depth_m
     flat = iter(zip(after.radius_m.tolist(), (peak_m - lower_m).tolist(), strict=True))
 
@@ -176,3 +181,20 @@ def flattened_families(
         return replace(family, radius_m=radius_m, peak_height_m=peak_m)
 
     return replace(families, G=of(families.G), P=of(families.P))
+
+
+def _refuse_wider(model: str, after: FirstLoading, radius_m: np.ndarray, load_N: float) -> None:
+    """Refuse contacts that are wider than their asperities as these were before they yielded.
+
+    The flattened ones have a radius at which any contact is narrow.
+    """
+    wide = (after.load_N > 0.0) & (after.width_m > radius_m)
+    if not wide.any():
+        return
+    at = int(np.argmax(np.where(wide, after.width_m / radius_m, 0.0)))
+    a_m = float(np.sqrt(after.width_m[at] * radius_m[at]))
+    raise ContactError(
+        f"{model}: a load of {load_N:g} N makes a contact wider than its asperity: of {a_m:.3g} m "
+        f"on a radius of {radius_m[at]:.3g} m as it yields; expected less load or more hardness; "
+        "check the units of load, hardness and radius"
+    )
