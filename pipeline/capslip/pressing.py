@@ -276,19 +276,59 @@ def under_preload(
     ContactError
         If the caps cannot carry it.
     """
-    joint = face.joint.under(preload_N)
     chosen = settings.contact.model == "auto"
+    face, settings = _at_its_level(face, contact, face.joint.under(preload_N), settings)
+    pressed, _, slip = press_face(face, settings, Clock())
+    return (_with_error(face, pressed, settings)[0] if chosen else pressed), slip
+
+
+def finds_its_level(face: Face, contact: ContactState, settings: Settings) -> bool:
+    """Tell whether a pressed face would lie otherwise under another load: it was balanced."""
+    if settings.contact.alignment != "balanced":
+        return False
+    return face.level is not None or contact.rung.made_from == "map"
+
+
+def at_its_level(
+    face: Face, contact: ContactState, load_N: float, settings: Settings
+) -> ContactState:
+    """Return a pressed face as it is after a first loading to another load, at the level of that.
+
+    By the same model, of the scan alone: a map turns anew, caps lie on the plane that the load
+    balances. `ContactState.under` keeps the level instead.
+
+    Raises
+    ------
+    ContactError
+        If it finds no level, or not in time, or cannot carry the load; or if the bulk sinking
+        cannot be taken off as it was.
+    """
+    area_m2 = face.joint.scan_area_m2
+    joint = Joint(area_m2, area_m2, load_N, np.array([load_N]), np.ones(1), load_N)
+    face, settings = _at_its_level(face, contact, joint, settings)
+    pressed, caps = _pressed(face, settings)
+    if pressed.bulk != contact.bulk:
+        raise ContactError(f"the bulk sinking cannot be taken off under {load_N:g} N")
+    if any(one.code == "time_limit_reached" for one in pressed.problems):
+        raise ContactError("its slip cannot be followed within contact.time_limit_s")
+    return with_direction(pressed, caps, face.conditioned.surface, settings)
+
+
+def _at_its_level(
+    face: Face, contact: ContactState, joint: Joint, settings: Settings
+) -> tuple[Face, Settings]:
+    """Return a face, and its settings, to press it by the same model for another joint."""
     change = {"model": contact.rung.name, "bulk": contact.bulk}
     forced = msgspec.structs.replace(settings.contact, **change)
     settings = msgspec.structs.replace(settings, contact=forced)
+    if contact.rung.made_from == "map":
+        return replace(face, joint=joint), settings
     flags = np.where(contact.use, face.caps.flags, face.caps.flags | UNUSABLE)
     caps = face.caps.with_columns(flags=flags)
     if face.level is not None:
         given = contact.load_point_m, joint.settings_of_scan(settings), contact.at_ease_rad
         caps = levelled(caps, contact.use, *given)
-    face = replace(face, joint=joint, caps=caps)
-    pressed, _, slip = press_face(face, settings, Clock())
-    return (_with_error(face, pressed, settings)[0] if chosen else pressed), slip
+    return replace(face, joint=joint, caps=caps), settings
 
 
 def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:

@@ -438,6 +438,7 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     analysis = capslip.analyze(surface, settings)
     EXPORT.write(analysis, tmp_path)
     least_Pa, error = said_of_the_least(tmp_path)
+    assert "level: " not in page_of(tmp_path)  # as_levelled it stays as it is
     given = (*given, f"contact.nominal_pressure_Pa={least_Pa}")
     alone = capslip.load_settings(overrides=given)
     expected = capslip.analyze(surface, alone).contact.estimated_error
@@ -580,23 +581,64 @@ def test_the_scan_whose_caps_hold_least_ends_the_law(of_two, tmp_path, monkeypat
 LEVEL = re.compile(r"k_t by ([\d.]+) and w by ([\d.]+) under ([\d.]+) times")
 
 
-def test_the_law_of_a_balanced_face_says_what_another_level_does_under_less(written, tmp_path):
-    analysis = written[0]
-    said = np.array(LEVEL.findall(page_of(written[1])), dtype=float)
-    assert said[:, 2].tolist() == [0.5, 0.25]
+def level_against_analyses(analysis, folder, surface, given, off):
+    """Hold what a page says of another level against analyses under less; return what it says."""
+    least_Pa = float(table(folder / "law.csv")[1]["pressure_Pa"][0])
+    said = np.array(LEVEL.findall(page_of(folder)), dtype=float)
+    p0, area_m2 = analysis.joint.nominal_pressure_Pa, analysis.joint.scan_area_m2
+    assert said[:, 2] == pytest.approx([0.5, 0.25, least_Pa / p0], rel=5e-3)
     for stiffness, loss, share in said:
         load_N = share * analysis.joint.preload_N
-        sets = (f"contact.preload_N={load_N}", "contact.model=interacting")
-        anew = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=sets))
-        area_m2, quarter = analysis.joint.scan_area_m2, 0.25 * anew.slip.friction_coefficient
-        here = slip_at(analysis, load_N / area_m2)
-        w = anew.slip.energy_at_force_J(quarter * load_N) / area_m2
-        assert loss == pytest.approx(
-            w / here.energy_at_force_J(quarter * load_N / area_m2), rel=0.05
-        )
+        sets = (f"contact.preload_N={load_N}", *given)
+        anew = analyze_once(surface, capslip.load_settings(overrides=sets))
+        assert anew.contact.model == analysis.contact.model
+        mu, kappa = anew.slip.friction_coefficient, analysis.contact.composite.kappa
+        curve = ScaledCurve(analysis.contact.curve_after(load_N), 1 / area_m2)
+        here, quarter_N = slip_curve(curve, load_N / area_m2, mu, kappa), 0.25 * mu * load_N
+        w = anew.slip.energy_at_force_J(quarter_N) / area_m2
+        assert loss == pytest.approx(w / here.energy_at_force_J(quarter_N / area_m2), rel=off)
         k_t = anew.slip.tangential_stiffness_N_per_m / area_m2
-        assert stiffness == pytest.approx(k_t / here.tangential_stiffness_N_per_m, rel=0.05)
+        assert stiffness == pytest.approx(k_t / here.tangential_stiffness_N_per_m, rel=off)
+    return said
+
+
+def test_the_law_of_a_balanced_face_says_what_another_level_does_under_less(written):
+    given, surface = ("contact.model=interacting",), capslip.load_surface(FACE)
+    said = level_against_analyses(*written, surface, given, 0.05)
     assert abs(said[0, 1] - 1.0) > 0.2  # else nothing would have to be said
+
+
+def test_the_law_of_a_face_that_yields_says_what_another_level_does_under_less(tmp_path):
+    """Each pressure was reached for the first time, at the level of the law and at its own."""
+    given = ("contact.model=interacting", "material.hardness_Pa=5e6")
+    surface = capslip.load_surface(FACE)
+    analysis = analyze_once(surface, capslip.load_settings(overrides=given))
+    EXPORT.write(analysis, tmp_path)
+    said = level_against_analyses(analysis, tmp_path, surface, given, 0.05)
+    assert said[1, 0] > 1.5
+
+
+@pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
+def test_the_law_of_a_map_says_what_another_level_does_under_less(tmp_path, hardness):
+    given = ("contact.model=boundary_elements", *hardness)
+    sets = (*given, "contact.nominal_pressure_Pa=1e6")
+    surface = noisy_waves()
+    analysis = analyze_once(surface, capslip.load_settings(overrides=sets))
+    EXPORT.write(analysis, tmp_path)
+    said = level_against_analyses(analysis, tmp_path, surface, given, 0.05)
+    assert np.abs(said[:, :2] - 1.0).max() > 0.2
+
+
+def test_a_level_that_there_is_no_time_to_find_is_not_known(tmp_path):
+    given = ("contact.model=boundary_elements", "contact.nominal_pressure_Pa=1e6")
+    analysis = analyze_once(noisy_waves(), capslip.load_settings(overrides=given))
+    hurried = capslip.load_settings(overrides=(*given, "contact.time_limit_s=1e-6"))
+    EXPORT.write(replace(analysis, settings=hurried), tmp_path)
+    said = page_of(tmp_path)
+    assert not LEVEL.search(said)
+    for share in ("0.5", "0.25", "0.1"):
+        assert f"what its own level would change under {share} times that pressure" in said
+    assert said.count("k_t and w may be off by a factor of two there") == 3
 
 
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])

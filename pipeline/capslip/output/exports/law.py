@@ -6,7 +6,6 @@ import json
 import math
 import textwrap
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ import numpy as np
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
-from capslip.pressing import caps_hold, error_under, knows_other_preloads, under_preload
+from capslip.pressing import at_its_level, caps_hold, error_under, finds_its_level
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
@@ -99,8 +98,9 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     problems = _inexact(found, result.settings.contact.tolerance)
     result = replace(result, problems=(*result.problems, *problems))
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
-    doubts += [line for scan in _scans(result) for line in _of_level(scan)]
-    least = _error_at(result, float(found.pressure_Pa[0]) / found.scan_pressure_Pa)
+    of_least = float(found.pressure_Pa[0]) / found.scan_pressure_Pa
+    doubts += [line for scan in _scans(result) for line in _of_level(scan, of_least)]
+    least = _error_at(result, of_least)
     if least is not None and not all(part.joint.is_even for part in result.parts):
         found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
     write_law(found, folder, result.name, result.status, doubts, least)
@@ -119,33 +119,40 @@ def _inexact(found: Law, tolerance: float) -> tuple[Problem, ...]:
     return (Problem("export_inexact", "warning", message), *of_sliders)
 
 
-def _of_level(scan: Analysis) -> list[str]:
+def _of_level(scan: Analysis, of_least: float) -> list[str]:
     """Say what another level does under less pressure, where that is more than the tolerance.
 
-    The law has one level, so that one bed serves all pressures. A face of elastic caps that is
-    analysed under less finds its own.
+    The law has one level, so that one bed serves all pressures. A face that is analysed under less
+    finds its own, whether it is of caps or a map, and whether it yields or not. The last that is
+    asked for is the least of the law, a share of the pressure of the scan.
     """
     slip, contact = scan.slip, scan.contact
-    if not knows_other_preloads(scan.joint, contact) or scan.face.level is None:
+    if slip is None or contact is None or not finds_its_level(scan.face, contact, scan.settings):
         return []
-    if slip is None or contact is None:
-        return []
-    said = []
-    for share in LIGHTER:
-        load_N = share * scan.joint.preload_N
-        with suppress(ContactError):  # then nothing is known of its level
-            _, anew = under_preload(scan.face, contact, load_N, scan.settings)
-            here = slip_curve(slip.curve, load_N, slip.friction_coefficient, slip.kappa)
-            stiffness, loss = np.array(_seen(anew)) / _seen(here)
-            if max(abs(stiffness - 1.0), abs(loss - 1.0)) > scan.settings.contact.tolerance:
-                said.append(
-                    f"k_t by {stiffness:.2f} and w by {loss:.2f} under {share:g} times that"
-                )
-    if not said:
-        return []
+    moved, unknown = [], []
+    for share in (*(one for one in LIGHTER if one > of_least), min(of_least, 1.0)):
+        load_N, mu = share * contact.preload_N, slip.friction_coefficient
+        try:
+            own = at_its_level(scan.face, contact, load_N, scan.settings)
+            anew = _seen(slip_curve(own.curve, load_N, mu, own.composite.kappa))
+            kept = contact.curve_after(load_N)
+            here = _seen(slip_curve(kept, load_N, mu, contact.composite.kappa))
+        except ContactError as failure:
+            unknown.append(
+                f"level: {scan.name} lies as it does under the pressure of the analysis; nobody "
+                f"knows what its own level would change under {share:.3g} times that pressure "
+                f"({failure}): k_t and w may be off by a factor of two there"
+            )
+            continue
+        stiffness, loss = np.array(anew) / here
+        if max(abs(stiffness - 1.0), abs(loss - 1.0)) > scan.settings.contact.tolerance:
+            moved.append(f"k_t by {stiffness:.2f} and w by {loss:.2f} under {share:.3g} times that")
+    if not moved:
+        return unknown
     return [
         f"level: {scan.name} lies as it does under the pressure of the analysis; to find its level "
-        f"anew would multiply {', '.join(said)} pressure (w of cycles to a quarter of mu p)"
+        f"anew would multiply {', '.join(moved)} pressure (w of cycles to a quarter of mu p)",
+        *unknown,
     ]
 
 
