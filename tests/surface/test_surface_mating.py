@@ -13,6 +13,7 @@ from capslip.surface.conditioning import condition, sq_and_sz_m
 from capslip.surface.form import floor_slopes
 from capslip.surface.heightmap import Filling, HeightMap, Origin, Rounding
 from capslip.surface.mating import _laid, composite_surface, mate, place, problems_of_mating
+from capslip.surface.shifts import tells_apart
 
 D_M = 50e-6
 PIXEL_M = (D_M, D_M)
@@ -238,6 +239,72 @@ def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
     found = place(first, second, align="least_squares")
     problems = problems_of_mating(composite_surface(first, second, found), found, second)
     assert [p.code for p in problems] == ["mating_unrelated"]
+
+
+def grooved_pair(cross, seed):
+    """Grooves along y with so much of other waves, and the print of them at a place."""
+    rng, (ny, nx) = np.random.default_rng(seed), (120, 160)
+    length, phase = np.exp(rng.uniform(np.log(4.0), np.log(20.0), 40)), rng.uniform(0, 6.28, 40)
+    wave = rng.uniform(7.5, 40.0, 60), rng.uniform(0, 6.28, 60), rng.uniform(0, 6.28, 60)
+
+    def height_m(x, y):
+        grooves = sum(
+            np.cos(2 * np.pi * x / long + at) for long, at in zip(length, phase, strict=True)
+        )
+        others = sum(
+            np.cos(2 * np.pi * (np.cos(turn) * x + np.sin(turn) * y) / long + at)
+            for long, turn, at in zip(*wave, strict=True)
+        )
+        return 5e-8 * (grooves + cross * others)
+
+    y, x = np.mgrid[:ny, :nx] + 0.5 - np.reshape((ny, nx), (2, 1, 1)) / 2
+    turn, dy, dx = 0.01, 5.0, -10.0
+    on_x = -np.cos(turn) * x - np.sin(turn) * y + dx
+    on_y = -np.sin(turn) * x + np.cos(turn) * y + dy
+    first, second = (HeightMap(z, PIXEL_M) for z in (height_m(x, y), -0.8 * height_m(on_x, on_y)))
+    return first, second, (dy * D_M, dx * D_M)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+def test_grooved_faces_find_their_place_along_the_lay_too(seed):
+    """Half a map off the grooves match on half of the points as well as on all of them."""
+    first, second, offset_m = grooved_pair(0.1, seed)
+    found = place(first, second, align="least_squares")
+    assert found.offset_m == pytest.approx(offset_m, abs=0.1 * D_M)
+    assert found.rotation_rad == pytest.approx(0.01, abs=2e-4)
+    assert found.other is None or abs(found.other.offset_m[0] - offset_m[0]) > 5 * D_M
+
+
+@pytest.mark.parametrize(("cross", "sure"), [(0.0, False), (0.01, False), (0.3, True)])
+def test_places_along_a_lay_that_are_as_good_are_said(cross, sure):
+    first, second, (dy_m, dx_m) = grooved_pair(cross, 3)
+    found = place(first, second, align="least_squares")
+    assert found.correlation > 0.9
+    assert found.offset_m[1] == pytest.approx(dx_m, abs=0.1 * D_M)
+    problems = problems_of_mating(composite_surface(first, second, found), found, second)
+    assert [one.code for one in problems] == ([] if sure else ["mating_unrelated"])
+    if sure:
+        assert found.offset_m[0] == pytest.approx(dy_m, abs=0.1 * D_M)
+    else:
+        assert f"at offset_m = [{found.other.offset_m[0]:.3g}, " in problems[0].message
+
+
+def test_a_difference_is_told_by_its_blocks():
+    rng = np.random.default_rng(0)
+    rest_m, more_m = rng.standard_normal((2, 100, 140))
+    assert tells_apart(rest_m, rest_m + 0.5 * more_m)
+    assert not tells_apart(rest_m + 0.5 * more_m, rest_m)
+    assert not tells_apart(rest_m, more_m)
+    # All of the difference in one block tells of no other one
+    one = rest_m.copy()
+    one[:12, :17] *= 3.0
+    assert not tells_apart(rest_m, one)
+    beside_m = rest_m.copy()
+    beside_m[:, 12:] = np.nan
+    assert tells_apart(beside_m, rest_m + 0.5 * more_m)
+    beside_m[12:] = np.nan
+    for few_m in (beside_m, np.full_like(rest_m, np.nan)):
+        assert not tells_apart(few_m, rest_m + 0.5 * more_m)
 
 
 def test_little_overlap_is_said_and_none_is_refused():

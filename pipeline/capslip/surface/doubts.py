@@ -1,5 +1,8 @@
 """What makes a height map doubtful before anything is computed from it."""
 
+import math
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from capslip.errors import UnusableSurfaceError
@@ -11,8 +14,12 @@ from capslip.surface.outliers import Outliers
 from capslip.surface.ripple import find_ripple
 from capslip.surface.rows import even_lines, row_blocks
 from capslip.surface.seams import Seams, tilts_m
+from capslip.surface.shifts import LEAST_OVERLAP
 from capslip.surface.tops import clipped_points
-from capslip.units import readable
+from capslip.units import percent, readable
+
+if TYPE_CHECKING:
+    from capslip.surface.mating import Placement
 
 MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
@@ -32,6 +39,8 @@ WALLS = 0.25
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 LIFTED = "lie on patches that are lifted as a whole: grains, chips or fringes miscounted"
+LEAST_MATCH = 0.5  # of two faces that are laid on each other
+LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
 VISIBLE_RIPPLE = 0.02  # of the approach: its height
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
@@ -208,6 +217,62 @@ def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
         f"approach is {approach_m:.3g} m"
     )
     return [Problem("ripple", "warning", message)]
+
+
+def problems_of_mating(
+    composite: HeightMap, placement: "Placement", second: HeightMap
+) -> tuple[Problem, ...]:
+    """Say what makes the composite surface doubtful.
+
+    Parameters
+    ----------
+    composite : HeightMap
+        From `composite_surface`.
+    placement : Placement
+        From `place`.
+    second : HeightMap
+        The second face.
+
+    Returns
+    -------
+    tuple of Problem
+        `mating_unrelated` (warning) where the place was looked for and the match is below 0.5, or
+        as good at another place;
+        `mating_overlap` (warning) where less than half of the first face is covered, or hardly any
+        of the second one covers it.
+    """
+    found = []
+    match = placement.correlation
+    if match is not None and match < LEAST_MATCH:
+        found.append(
+            Problem(
+                "mating_unrelated",
+                "warning",
+                f"at the best place the faces match by {match:.2f} only (1: peaks lie in pits, 0: "
+                "nothing to do with each other); the place is one of many; give mating.offset_m",
+            )
+        )
+    elif match is not None and (other := placement.other) is not None:
+        dy_m, dx_m = other.offset_m
+        found.append(
+            Problem(
+                "mating_unrelated",
+                "warning",
+                f"the faces match by {match:.3f} where they were laid, and by "
+                f"{other.correlation:.3f} at offset_m = [{dy_m:.3g}, {dx_m:.3g}], as along a lay: "
+                "which is better is not sure; give mating.offset_m",
+            )
+        )
+    both_m2 = composite.n_measured * composite.pixel_area_m2
+    of_first, of_second = (both_m2 / math.prod(one.side_m) for one in (composite, second))
+    message = ""
+    if of_first < LEAST_OVERLAP:
+        message = f"{percent(of_first)} of the first only; check mating.offset_m and mating.mirror"
+    elif of_second < LEAST_OF_SECOND:
+        message = f"{percent(of_second)} of the second only; check the lateral units"
+    if message:
+        found.append(Problem("mating_overlap", "warning", f"both faces are measured on {message}"))
+    return tuple(found)
 
 
 def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:

@@ -120,6 +120,20 @@ def filled_from_fewer(surface: HeightMap) -> Iterator[HeightMap]:
         yield replace(surface, height_m=height_m)
 
 
+def joined_filling(first: Filling | None, second: Filling | None) -> Filling | None:
+    """Return that with the greater error, with the errors of both; its points are none.
+
+    A hill is missed as easily as where the fewest points stand.
+    """
+    both = [one for one in (first, second) if one is not None]
+    if not both:
+        return None
+    error_m = math.hypot(*(one.error_m for one in both))
+    density_m2 = min(one.density_m2 for one in both)
+    worse = max(both, key=lambda one: one.error_m)
+    return replace(worse, error_m=error_m, density_m2=density_m2, measured=None)
+
+
 def standard_error(change: np.ndarray) -> np.ndarray:
     """Return the standard errors of numbers by what they change without a part of what they are of.
 
@@ -203,17 +217,3 @@ def from_nearest(height_m: np.ndarray) -> np.ndarray:
 
     nearest = distance_transform_edt(lost, return_distances=False, return_indices=True)
     return np.asarray(height_m[tuple(nearest)])
-
-
-def joined_filling(first: HeightMap, second: HeightMap) -> Filling | None:
-    """Return that of the map with the greater error, with the errors of both; its points are none.
-
-    A hill is missed as easily as where the fewest points stand.
-    """
-    both = [one.filling for one in (first, second) if one.filling is not None]
-    if not both:
-        return None
-    error_m = math.hypot(*(one.error_m for one in both))
-    density_m2 = min(one.density_m2 for one in both)
-    worse = max(both, key=lambda one: one.error_m)
-    return replace(worse, error_m=error_m, density_m2=density_m2, measured=None)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError, check_kind, in_short, truth_of
-from capslip.surface.heights import SMALL, ends_m, lost_of, stored_of
+from capslip.surface.heights import SMALL, ends_m, lost_of, slopes_of, stored_of
 from capslip.surface.outline import outside_of, window_of
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
@@ -209,7 +209,7 @@ class HeightMap:
                 got = f"{name}: noise of {self.noise_m:g} m"
                 raise SettingsError(f"{got}; expected a positive number")
         if self.floor_slope is not None:
-            self.__dict__["floor_slope"] = _slopes(self.floor_slope, name)
+            self.__dict__["floor_slope"] = slopes_of(self.floor_slope, name)
         self._hold(stored_m, lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
@@ -482,17 +482,6 @@ def check_map(name: str, surface: object) -> None:
         "capslip.HeightMap"
     )
     check_kind(name, surface, HeightMap, expected, UnusableSurfaceError)
-
-
-def _slopes(given: Any, name: str) -> tuple[float, float]:
-    """Return two slopes of a floor; SettingsError if they are none, or not finite."""
-    numbers = list(given) if isinstance(given, Sequence | np.ndarray) else []
-    if any(not isinstance(one, Real) or not math.isfinite(one) for one in numbers):
-        numbers = []
-    if len(numbers) != 2:
-        got = f"{name}: floor_slope: got {in_short(repr(given))}"
-        raise SettingsError(f"{got}; expected two finite numbers, along y and x")
-    return float(numbers[0]), float(numbers[1])
 
 
 def check_maps(scans: object) -> None:

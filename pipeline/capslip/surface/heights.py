@@ -1,10 +1,13 @@
 """Heights as a map stores them, and which of its points were not measured."""
 
+import math
+from collections.abc import Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from capslip.errors import UnusableSurfaceError
+from capslip.errors import SettingsError, UnusableSurfaceError, in_short
 from capslip.surface.rows import row_blocks
 
 MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
@@ -59,3 +62,14 @@ def ends_m(height_m: np.ndarray) -> tuple[float, float]:
 def index_type(n_points: int) -> type:
     """Return the numbers that count the points of a map: of large ones those of fewer bytes."""
     return np.int32 if SMALL < n_points < MOST_OF_FEW_BYTES else np.intp
+
+
+def slopes_of(given: Any, name: str) -> tuple[float, float]:
+    """Return two slopes of a floor; SettingsError if they are none, or not finite."""
+    numbers = list(given) if isinstance(given, Sequence | np.ndarray) else []
+    if any(not isinstance(one, Real) or not math.isfinite(one) for one in numbers):
+        numbers = []
+    if len(numbers) != 2:
+        got = f"{name}: floor_slope: got {in_short(repr(given))}"
+        raise SettingsError(f"{got}; expected two finite numbers, along y and x")
+    return float(numbers[0]), float(numbers[1])

@@ -7,8 +7,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.problems import Problem
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
+from capslip.surface.doubts import problems_of_mating
 from capslip.surface.filling import joined_filling
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
@@ -17,16 +17,13 @@ from capslip.surface.laying import on_more_points, smooth_between, straight_betw
 from capslip.surface.noise import noise_left
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import joined_rounding
-from capslip.surface.shifts import LEAST_OVERLAP, match_by_shift
+from capslip.surface.shifts import best_shifts, match_by_shift, tells_apart
 from capslip.surface.tops import joined_tops, without_lost_tops
-from capslip.units import percent
 
 Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
 Way = Literal["composite", "together"]
-LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
 LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
-LEAST_MATCH = 0.5
 FINER = 1.1  # pixels smaller by less need no smoothing first, and no other points
 MOST_POINTS = 4  # of a sum for one of the larger face
 COARSE_POINTS = 128
@@ -35,6 +32,8 @@ FINE_POINTS = 512
 MAX_STEPS = 15
 MAX_STEP_PIXELS = 2.0
 SETTLED_PIXELS = 1e-2
+APART = 4  # coarse pixels between places that are looked at each by itself
+MOST_STARTS = 4
 
 
 @dataclass(frozen=True)
@@ -65,6 +64,7 @@ class Placement:
     middle_m: tuple[float, float]
     second_middle_m: tuple[float, float]
     correlation: float | None = None
+    other: "Placement | None" = None  # another place, where the faces match as well
 
     def on_first(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where points of the second face lie in the frame of the first."""
@@ -94,7 +94,8 @@ def place(
         `least_squares` looks for the place where the sum of both heights varies least: where the
         peaks of one face lie in the pits of the other, as they do once faces have worn into each
         other. It looks within 5 degrees around the given rotation and over all shifts that leave
-        half of the smaller face covered, coarsely by correlation, then by Gauss-Newton steps.
+        half of the smaller face covered, coarsely by correlation, then by Gauss-Newton steps from
+        the best places that lie apart.
     offset_m : (float, float)
         Shift (dy, dx) of the middle of the second face.
     rotation_rad : float
@@ -127,7 +128,13 @@ def place(
     )
     if align == "given":
         return given
-    return _refined(first, second, _coarse(first, second, given))
+    fine_m = max(first.side_m) / FINE_POINTS
+    fine = _coarsened(first, fine_m), _coarsened(second, fine_m)
+    found = [_refined(*fine, _coarse(first, second, given, MAX_ROTATION_RAD, 1)[0])]
+    # Of grooves a turn that is a little off hides where along them the faces match
+    again = replace(given, rotation_rad=found[0].rotation_rad)
+    starts = _coarse(first, second, again, 0.0, MOST_STARTS)
+    return _best(*fine, found + [_refined(*fine, start) for start in starts])
 
 
 def composite_surface(
@@ -196,8 +203,8 @@ def _sum(
         first,
         height_m=height_m,
         tops=_tops(first, second, placement),
-        filling=joined_filling(first, second),
-        rounding=joined_rounding(first, second),
+        filling=joined_filling(first.filling, second.filling),
+        rounding=joined_rounding(first.rounding, second.rounding),
         noise_m=noise_m,
         noise_scans=noise_scans,
         faces=first.faces + second.faces,
@@ -314,50 +321,6 @@ def mate(
     return Conditioned(*found, second_m=second_m, tops_of_scans=tops)
 
 
-def problems_of_mating(
-    composite: HeightMap, placement: Placement, second: HeightMap
-) -> tuple[Problem, ...]:
-    """Say what makes the composite surface doubtful.
-
-    Parameters
-    ----------
-    composite : HeightMap
-        From `composite_surface`.
-    placement : Placement
-        From `place`.
-    second : HeightMap
-        The second face.
-
-    Returns
-    -------
-    tuple of Problem
-        `mating_unrelated` (warning) where the place was looked for and the match is below 0.5;
-        `mating_overlap` (warning) where less than half of the first face is covered, or hardly any
-        of the second one covers it.
-    """
-    found = []
-    match = placement.correlation
-    if match is not None and match < LEAST_MATCH:
-        found.append(
-            Problem(
-                "mating_unrelated",
-                "warning",
-                f"at the best place the faces match by {match:.2f} only (1: peaks lie in pits, 0: "
-                "nothing to do with each other); the place is one of many; give mating.offset_m",
-            )
-        )
-    both_m2 = composite.n_measured * composite.pixel_area_m2
-    of_first, of_second = (both_m2 / math.prod(one.side_m) for one in (composite, second))
-    message = ""
-    if of_first < LEAST_OVERLAP:
-        message = f"{percent(of_first)} of the first only; check mating.offset_m and mating.mirror"
-    elif of_second < LEAST_OF_SECOND:
-        message = f"{percent(of_second)} of the second only; check the lateral units"
-    if message:
-        found.append(Problem("mating_overlap", "warning", f"both faces are measured on {message}"))
-    return tuple(found)
-
-
 def _turn(placement: Placement) -> np.ndarray:
     """Matrix from (y, x) about the middle of the second face to (y, x) on the first."""
     cosine, sine = math.cos(placement.rotation_rad), math.sin(placement.rotation_rad)
@@ -396,8 +359,10 @@ def _laid(
     return between(z, matrix, offset, first.shape)
 
 
-def _coarse(first: HeightMap, second: HeightMap, given: Placement) -> Placement:
-    """Try every shift on a coarse grid, at rotations one coarse pixel apart."""
+def _coarse(
+    first: HeightMap, second: HeightMap, given: Placement, most_rad: float, most: int
+) -> list[Placement]:
+    """Try every shift on a coarse grid, at rotations one coarse pixel apart; return the best."""
     coarse_m = max(first.side_m) / COARSE_POINTS
     first, second = _coarsened(first, coarse_m), _coarsened(second, coarse_m)
     pixel_m = np.array(first.pixel_size_m)
@@ -405,26 +370,42 @@ def _coarse(first: HeightMap, second: HeightMap, given: Placement) -> Placement:
     canvas = HeightMap(np.zeros(n_canvas), first.pixel_size_m)
     middle_m = 0.5 * n_canvas * pixel_m
     on_canvas = replace(given, offset_m=(0.0, 0.0), middle_m=(middle_m[0], middle_m[1]))
-    n_turns = math.ceil(MAX_ROTATION_RAD * 0.5 * math.hypot(*first.shape))
-    best, found = -np.inf, given
-    for turn_rad in np.linspace(-MAX_ROTATION_RAD, MAX_ROTATION_RAD, 2 * n_turns + 1):
-        rotation_rad = given.rotation_rad + float(turn_rad)
+    n_turns = math.ceil(most_rad * 0.5 * math.hypot(*first.shape))
+    best, found = -np.inf, list[Placement]()
+    for turn_rad in np.linspace(-most_rad, most_rad, 2 * n_turns + 1).tolist():
+        rotation_rad = given.rotation_rad + turn_rad
         laid_m = _laid(canvas, second, replace(on_canvas, rotation_rad=rotation_rad))
         match = match_by_shift(first.height_m, laid_m)
-        at = np.unravel_index(np.argmax(match), match.shape)
-        if match[at] > best:
-            best = match[at]
-            shift = [i if i < first.shape[k] else i - match.shape[k] for k, i in enumerate(at)]
-            offset_m = middle_m + shift * pixel_m - given.middle_m
-            found = replace(
-                given, offset_m=(float(offset_m[0]), float(offset_m[1])), rotation_rad=rotation_rad
-            )
-    if best == -np.inf:
+        if match.max() > best:
+            best, found = match.max(), []
+            for at in best_shifts(match, APART, most):
+                shift = [i if i < first.shape[k] else i - match.shape[k] for k, i in enumerate(at)]
+                dy_m, dx_m = (middle_m + shift * pixel_m - given.middle_m).tolist()
+                found.append(replace(given, offset_m=(dy_m, dx_m), rotation_rad=rotation_rad))
+    if not found:
         raise UnusableSurfaceError(
             f"{first.origin.name} and {second.origin.name}: the measured points of the faces cover "
             "each other nowhere by half; expected two faces of one joint; give mating.offset_m"
         )
     return found
+
+
+def _best(first: HeightMap, second: HeightMap, found: list[Placement]) -> Placement:
+    """Return the best of some places, and with it the next that is as good and lies apart."""
+    best, *others = sorted(found, key=lambda one: -(one.correlation or 0.0))
+    coarse_m, rest_m = max(first.side_m) / COARSE_POINTS, _rest_m(first, second, best)
+    for other in others:
+        if math.dist(other.offset_m, best.offset_m) > APART * coarse_m and not tells_apart(
+            rest_m, _rest_m(first, second, other)
+        ):
+            return replace(best, other=other)
+    return best
+
+
+def _rest_m(first: HeightMap, second: HeightMap, placement: Placement) -> np.ndarray:
+    """Return the sum of the heights at a place, from its mean."""
+    sum_m = first.height_m + _laid(first, second, placement)
+    return np.asarray(sum_m - np.nanmean(sum_m))
 
 
 def _coarsened(surface: HeightMap, pixel_m: float) -> HeightMap:
@@ -438,8 +419,6 @@ def _coarsened(surface: HeightMap, pixel_m: float) -> HeightMap:
 
 def _refined(first: HeightMap, second: HeightMap, start: Placement) -> Placement:
     """Move the second face by Gauss-Newton steps to where the sum of the heights varies least."""
-    fine_m = max(first.side_m) / FINE_POINTS
-    first, second = _coarsened(first, fine_m), _coarsened(second, fine_m)
     pixel_m = min(first.pixel_size_m)
     unit = np.array([pixel_m, pixel_m, pixel_m / (0.5 * math.hypot(*first.side_m))])
 

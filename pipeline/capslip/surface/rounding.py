@@ -156,6 +156,16 @@ def _within(stored_m: np.ndarray, step_m: float) -> np.ndarray:
     return np.where(lost, np.nan, height_m)
 
 
+def joined_rounding(first: Rounding | None, second: Rounding | None) -> Rounding | None:
+    """Return the coarser steps of two maps, with the errors of both."""
+    both = [one for one in (first, second) if one is not None]
+    if not both:
+        return None
+    error_m = math.hypot(*(one.error_m for one in both))
+    smoothed = all(one.smoothed for one in both)
+    return Rounding(max(one.step_m for one in both), error_m, smoothed)
+
+
 def _filtered(height_m: np.ndarray, spacing: float) -> np.ndarray:
     """Return B + B (1 - B) of heights; beyond its edges the map goes on, turned half around."""
     from scipy.ndimage import gaussian_filter
@@ -176,13 +186,3 @@ def _left_m(height_m: np.ndarray, stored_m: np.ndarray) -> float:
     for i, j in ((-1, 0), (1, 0), (0, -1), (0, 1)):
         at_line |= stored_m[parts[i], parts[j]] != stored_m[middle, middle]
     return rms_of_noise_m(mixed_difference(lambda i, j: height_m[parts[i], parts[j]][at_line]))
-
-
-def joined_rounding(first: HeightMap, second: HeightMap) -> Rounding | None:
-    """Return the coarser steps of two maps, with the errors of both."""
-    both = [one.rounding for one in (first, second) if one.rounding is not None]
-    if not both:
-        return None
-    error_m = math.hypot(*(one.error_m for one in both))
-    smoothed = all(one.smoothed for one in both)
-    return Rounding(max(one.step_m for one in both), error_m, smoothed)

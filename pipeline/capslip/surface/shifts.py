@@ -3,6 +3,9 @@
 import numpy as np
 
 LEAST_OVERLAP = 0.5  # of the points of the smaller one
+_RIVAL = 1.5  # times what the best place leaves: what a coarse one may leave more of a better one
+_BLOCKS, _FEWEST = 8, 8  # along a side, and with points, from which a difference is told
+_SURE = 3.0  # standard errors
 
 
 def match_by_shift(first_m: np.ndarray, second_m: np.ndarray) -> np.ndarray:
@@ -37,3 +40,62 @@ def match_by_shift(first_m: np.ndarray, second_m: np.ndarray) -> np.ndarray:
     covariance = scale[0] * scale[1] * (s12 / n - s1 * s2)
     variance = np.where(enough & (variance > 0.0), variance, 1.0)
     return np.where(enough, -2.0 * covariance / variance, -np.inf)
+
+
+def best_shifts(match: np.ndarray, apart: int, most: int) -> list[tuple[int, int]]:
+    """Return the best shifts of each neighbourhood that may be as good as the best of all.
+
+    Parameters
+    ----------
+    match : ndarray, shape (ny, nx)
+        From `match_by_shift`, -inf where none is looked for.
+    apart : int
+        Pixels to each side within which a shift is the best.
+    most : int
+        Of them, the best first.
+
+    Returns
+    -------
+    list of (int, int)
+        Rows and columns; those that leave more than `_RIVAL` times what the best leaves of the
+        heights are none.
+
+    Examples
+    --------
+    >>> match = np.full((20, 30), -np.inf)
+    >>> match[:, 3] = 0.8 + 0.1 * np.cos(np.arange(20))
+    >>> best_shifts(match, 2, 3)
+    [(0, 3), (6, 3), (13, 3)]
+    """
+    from scipy.ndimage import maximum_filter
+
+    least = 1.0 - _RIVAL * (1.0 - float(match.max()))
+    highest = maximum_filter(match, 2 * apart + 1, mode="wrap") == match
+    places = np.argwhere(highest & np.isfinite(match) & (match >= least))
+    order = np.argsort(-match[tuple(places.T)], kind="stable")
+    return [(int(y), int(x)) for y, x in places[order[:most]]]
+
+
+def tells_apart(rest_m: np.ndarray, other_m: np.ndarray) -> bool:
+    """Tell whether what is left of the heights at one place is surely less than at another.
+
+    What both leave at a point has much in common, as of the same grooves: so the difference of the
+    squares is averaged, and its means over blocks tell how sure that is.
+
+    Parameters
+    ----------
+    rest_m, other_m : ndarray, shape (ny, nx)
+        Sums of the heights, from whose means they count; NaN beside either face.
+    """
+    both = np.isfinite(rest_m + other_m)
+    more_m2 = np.where(both, np.square(other_m) - np.square(rest_m), 0.0)
+    row, column = (np.arange(n) * _BLOCKS // n for n in both.shape)
+    block = (row[:, None] * _BLOCKS + column).reshape(-1)
+    n = np.bincount(block, both.reshape(-1), _BLOCKS**2)
+    means_m2 = np.bincount(block, more_m2.reshape(-1), _BLOCKS**2)[n > 0] / n[n > 0]
+    weight = n[n > 0] / n.sum() if n.any() else n[:0]
+    if len(means_m2) < _FEWEST:
+        return False
+    mean_m2 = float(weight @ means_m2)
+    spread_m2 = np.sqrt(float(np.square(weight * (means_m2 - mean_m2)).sum()))
+    return bool(mean_m2 > _SURE * spread_m2)
