@@ -21,7 +21,7 @@ from typing import Any
 
 import click
 
-from capslip.errors import CapslipError, SettingsError, in_one_line, printable
+from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line, printable
 from capslip.waiting import LISTENER
 
 EXAMPLES = {  # of every command, as its --help shows them
@@ -52,7 +52,7 @@ EXAMPLES = {  # of every command, as its --help shows them
 }
 EXIT_CODES = (
     ("0", "done; warnings are in the result"),
-    ("1", "a picture, a table or an export is missing, or an internal error"),
+    ("1", "a picture or a table is missing, or an internal error"),
     ("2", "an option, a setting or the output folder is wrong"),
     ("3", "a scan cannot be read or used, or has no answer"),
     ("4", "nothing to do"),
@@ -264,7 +264,7 @@ class Progress:
             return
         text = f"{self.failures[0][0]}; all numbers are in {folder}"
         if all(isinstance(error, CapslipError) for _, error in self.failures):
-            raise CapslipError(text)  # whatever kind it is: the scan was read and has its answer
+            raise ScanError(text)
         from capslip.output.staging import is_full
 
         of_full = [said for said, error in self.failures if is_full(error)]
