@@ -325,7 +325,7 @@ def test_below_the_force_of_a_wave_in_phase_nothing_is_lost_whatever_the_model_i
     wave = ("slip.normal_amplitude_ratio=0.3",)
 
     def off(contact):
-        return replace(contact, errors=ModelError(0.1, 0.4))
+        return replace(contact, errors=ModelError(0.1, 0.4, unknown_to=0.25))
 
     for share, spread, least, most in ((0.2, 0.1, 0.0, 0.0), (0.31, 0.2, 0.0, 1e-9)):
         asked = {"slip_force_N": share * MU * N}

@@ -170,7 +170,7 @@ def flattened_families(
     radius_m, depth_m = np.array([one.radius_m for one in members]), peak_m.max() - peak_m
     count = np.array([float(one.count) for one in members])
     after = first_loading(law, radius_m, depth_m, E_star_Pa, preload_N, count=count)
-    _refuse_wider("families", after, radius_m, preload_N)
+    _refuse_wider("given families", after, radius_m, preload_N)
     lower_m = after.depth_m - depth_m
     flat = iter(zip(after.radius_m.tolist(), (peak_m - lower_m).tolist(), strict=True))
 

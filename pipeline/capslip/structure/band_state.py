@@ -139,7 +139,8 @@ class State:
         ]
         log_rows = np.log(np.maximum(rows, LEAST_J))[..., place]
         other, loss_J = np.exp(np.einsum("nk,kqn->qn", weight, log_rows))
-        return other, np.where(loss_J < NO_LOSS_J, 0.0, loss_J)
+        nothing = (self.greatest > 1.0) & (loss_J < NO_LOSS_J)  # of a cycle in which nothing slips
+        return other, np.where(nothing, 0.0, loss_J)
 
     def of_the_beam(self, log: dict[str, np.ndarray]) -> tuple[Any, Any]:
         """Return the factors of its modulus on the stiffnesses of the structure, and on the force.
