@@ -7,6 +7,7 @@ from scipy import ndimage
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.laying import on_more_points, smooth_between, straight_between
 from capslip.surface.mating import composite_surface, place
+from capslip.surface.noise import noise_left
 
 D_M = 2e-5
 SHAPE = (150, 200)
@@ -135,3 +136,16 @@ def test_a_face_on_more_points_has_its_waves_its_sides_and_the_noise_that_is_lef
         found = on_more_points(noisy, shape)
         assert found.noise_m == pytest.approx(found.height_m.std(), rel=0.006)
     assert found is noisy
+
+
+def test_noise_left_on_more_points_is_that_of_the_same_map_turned():
+    """A third more rows, and the same number of columns: in each direction its own places."""
+    height_m = np.random.default_rng(8).normal(0.0, 1e-8, (30, 44))
+    rows = on_more_points(HeightMap(height_m, (2e-5, 1e-5), noise_m=1e-9), (40, 44))
+    columns = on_more_points(HeightMap(height_m.T, (1e-5, 2e-5), noise_m=1e-9), (44, 40))
+    assert rows.height_m == pytest.approx(columns.height_m.T, abs=1e-20)
+    assert rows.noise_m == pytest.approx(columns.noise_m, rel=1e-12)
+    places = np.arange(40)[:, None] * 0.75 - 0.125, np.arange(44.0)[None]
+    left = noise_left(places, (0.0, 0.0))
+    assert rows.noise_m == pytest.approx(1e-9 * left, rel=1e-12)
+    assert 0.7 < left < 0.95

@@ -238,11 +238,11 @@ def _history(
     angle = 2 * np.pi * np.arange(2 * steps + 1) / steps  # the second period is steady
     P = np.minimum(1.0 + ratio * np.cos(angle - phase_rad), 1.0 + ratio)
     # Preloaded before it is sheared: deep levels, which never slip, keep tau = 0 for good
-    P, Q = np.append(1.0, P), np.append(0.0, force * np.cos(angle))
+    Q = np.append(0.0, force * np.cos(angle))
     pieces: list[tuple[float, float]] = [(1.0, 0.0)]
     changes: list[tuple[int, float, float, float]] = [(0, 0.0, 1.0, 0.0)]
     load, now = 1.0, 0.0
-    for k, (wanted_load, wanted) in enumerate(zip(P[1:].tolist(), Q[1:].tolist(), strict=True), 1):
+    for k, (wanted_load, wanted) in enumerate(zip(P.tolist(), Q[1:].tolist(), strict=True), 1):
         if wanted_load > load:
             tau = min(max((wanted - now) / (wanted_load - load), -1.0), 1.0)
             pieces.append((wanted_load, tau))
