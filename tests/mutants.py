@@ -219,6 +219,14 @@ TABLE = [
     (("contact/*.py", "contact/solvers/*.py"), ("tests/contact/test_*{stem}*.py",)),
     (("structure/answer.py", "units.py"), ("tests/structure/test_*answer*.py",)),
     (
+        ("disk.py",),
+        (
+            "tests/output/test_*staging*.py",
+            "tests/output/test_*convert*.py",
+            "tests/surface/test_surface_readers.py",
+        ),
+    ),
+    (
         ("structure/band.py", "structure/band_*.py"),
         ("tests/structure/test_*band_parts.py", "tests/structure/test_*{stem}*.py"),
     ),

@@ -13,6 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
     {
+        "disk",
         "errors",
         "leftovers",
         "materials",

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from capslip.analysis import analyze
+from capslip.disk import OURS
 from capslip.errors import OutputError, SettingsError, check_call, check_kind, in_one_line, path_of
 from capslip.output.folder import write
 from capslip.output.overview import COLUMNS, Row, row_of, write_overview, write_table
 from capslip.output.staging import (
     FAILURE,
-    OURS,
     SUMMARY,
     check_folder,
     entries,

@@ -265,7 +265,7 @@ class Progress:
         text = f"{self.failures[0][0]}; all numbers are in {folder}"
         if all(isinstance(error, CapslipError) for _, error in self.failures):
             raise ScanError(text)
-        from capslip.output.staging import is_full
+        from capslip.disk import is_full
 
         of_full = [said for said, error in self.failures if is_full(error)]
         if all(isinstance(error, CapslipError) or is_full(error) for _, error in self.failures):

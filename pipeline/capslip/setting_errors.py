@@ -7,6 +7,7 @@ import difflib
 import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -151,14 +152,8 @@ def changed(settings: msgspec.Struct, wanted: Iterable[str]) -> list[str]:
     return [
         name
         for name in _names(root)
-        if f"{name}.".startswith(begins) and _at(settings, name) != _at(default, name)
+        if f"{name}.".startswith(begins) and attrgetter(name)(settings) != attrgetter(name)(default)
     ]
-
-
-def _at(settings: Any, name: str) -> Any:
-    for key in name.split("."):
-        settings = getattr(settings, key)
-    return settings
 
 
 @cache  # hints are evaluated anew each time that msgspec is asked

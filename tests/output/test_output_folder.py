@@ -207,41 +207,31 @@ def test_every_part_that_fails_is_told_once_and_the_report_names_it(tmp_path, mo
     assert "ValueError: torn" in (tmp_path / "a" / "report.html").read_text()
 
 
-def test_no_display_is_told_but_no_problem(tmp_path, monkeypatch):
-    class Blind:
-        def wait(self):
-            return "no OpenGL here"
-
-    monkeypatch.setattr(scene, "start_render", lambda *_: Blind())
+def rendered(wait, folder, monkeypatch):
+    """Write a result whose drawing process ends so; return what is told, and the summary."""
     told = []
+    monkeypatch.setattr(scene, "start_render", lambda *_: SimpleNamespace(wait=wait))
     summary = capslip.write(
         output_cases.none(),
-        tmp_path / "a",
+        folder,
         figures=False,
         render=True,
         missing=lambda text, error: told.append((text, error)),
     )
+    return told, summary
+
+
+def test_no_display_is_told_but_no_problem(tmp_path, monkeypatch):
+    told, summary = rendered(lambda: "no OpenGL here", tmp_path / "a", monkeypatch)
     assert told == [("no render: no OpenGL here", None)]
     assert "output_missing" not in [p["code"] for p in summary["problems"]]
     assert "no OpenGL here" in (tmp_path / "a" / "report.html").read_text()
 
 
 def test_a_picture_for_which_the_disk_has_no_room_is_a_part_that_is_missing(tmp_path, monkeypatch):
-    class Full:
-        def wait(self):
-            no_room()
-
-    monkeypatch.setattr(scene, "start_render", lambda *_: Full())
-    told = []
-    summary = capslip.write(
-        output_cases.none(),
-        tmp_path / "a",
-        figures=False,
-        render=True,
-        missing=lambda text, error: told.append((text, getattr(error, "errno", None))),
-    )
+    told, summary = rendered(no_room, tmp_path / "a", monkeypatch)
     text = "scene.png could not be made: No space left on device; make room on the disk"
-    assert told == [(text, errno.ENOSPC)]
+    assert [(said, error.errno) for said, error in told] == [(text, errno.ENOSPC)]
     assert [p["message"] for p in summary["problems"] if p["code"] == "output_missing"] == [text]
     page = (tmp_path / "a" / "report.html").read_text("utf-8")
     assert text in page

@@ -47,6 +47,12 @@ def greatest_over_mean(settings: "SlipSettings") -> float:
     return 1.0 + settings.normal_amplitude_ratio
 
 
+def share_at_gross_slip(ratio: float, phase_rad: float) -> float:
+    """Return the force at gross slip over mu times the preload: 1 at constant load."""
+    r, c = ratio, abs(math.cos(phase_rad))
+    return math.sqrt(1.0 - r * r * (1.0 - c * c)) - r * c
+
+
 def varying(slip: SlipCurve, settings: "SlipSettings") -> SlipCurve:
     """Return the slip of a joint whose normal load oscillates as the settings say, if it does.
 
@@ -136,8 +142,7 @@ class VaryingSlip(SlipCurve):
     @property
     def _most(self) -> float:
         """The force at gross slip over mu times the preload."""
-        r, c = self.normal_amplitude_ratio, abs(math.cos(self.normal_phase_rad))
-        return math.sqrt(1.0 - r * r * (1.0 - c * c)) - r * c
+        return share_at_gross_slip(self.normal_amplitude_ratio, self.normal_phase_rad)
 
     @cached_property
     def _top(self) -> tuple[float, float]:

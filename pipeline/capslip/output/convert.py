@@ -4,8 +4,6 @@ Each holds a function `write(face, path)`. Coordinates are in metres and at true
 columns and y along the rows, as in the result.
 """
 
-import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from capslip import registry
+from capslip.disk import write_whole
 from capslip.errors import OutputError, SettingsError, one_of
 from capslip.output.mesh import grid_mesh
 from capslip.output.view import View, read_view
@@ -91,7 +90,10 @@ def export_result(
     label = _labels(view.path) if whole else None
     face = Face(view.height_m, view.y_m, view.x_m, view.pixel_size_m, label)
     write = cast(Callable[[Face, Path], None], form.write)
-    write_whole(path, lambda unfinished: write(face, unfinished))
+    try:
+        write_whole(path, lambda unfinished: write(face, unfinished))
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror or error}; give another name") from error
     return path, _left_out(view)
 
 
@@ -103,17 +105,6 @@ def refuse_file(path: Path, suffix: str) -> None:
         raise OutputError(f"{path}: exists already; nothing was written; give another with --out")
     if not path.absolute().parent.is_dir():
         raise OutputError(f"{path}: no such folder; make it, or give another with --out")
-
-
-def write_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a new file whole or not at all; OutputError where it cannot be written."""
-    try:
-        with tempfile.TemporaryDirectory(prefix=".capslip.", dir=path.absolute().parent) as work:
-            unfinished = Path(work) / f"unfinished{path.suffix}"
-            write(unfinished)
-            os.replace(unfinished, path)
-    except OSError as error:
-        raise OutputError(f"{path}: {error.strerror or error}; give another name") from error
 
 
 def mesh_of(face: Face, corners: int = 4) -> "meshio.Mesh":

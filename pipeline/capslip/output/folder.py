@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from capslip.disk import is_full
 from capslip.errors import CapslipError, check_call, check_kind, check_text, path_of, truth_of
 from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
@@ -185,7 +186,7 @@ class _Parts:
         for name in names:
             (self.work / name).unlink(missing_ok=True)
         reason = str(error)
-        if staging.is_full(error):
+        if is_full(error):
             reason = f"{error.strerror}; make room on the disk"
         elif not isinstance(error, CapslipError):
             reason = f"{type(error).__name__}: {error}"
@@ -219,7 +220,7 @@ class _Parts:
             staging.check_room(self.work)
             return summary
         except OSError as error:
-            if not staging.is_full(error):
+            if not is_full(error):
                 raise
             self.make_room(error)
             return self._write_summary(command, timings_s)

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from capslip.disk import is_full
 from capslip.errors import OutputError, one_of
 from capslip.output.canvas import write_png
 from capslip.output.drawing import Drawing, off_screen
 from capslip.output.mesh import FACE_CELLS
 from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
 from capslip.output.renderer import REMEDY, RENDER, UNWRITTEN, WAITS, Rendering, unfinished_of
-from capslip.output.staging import is_full
 from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
 

@@ -18,10 +18,11 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, TypeGuard
+from typing import IO, TYPE_CHECKING, Any
 
 import msgspec
 
+from capslip.disk import OURS, is_full
 from capslip.errors import OutputError
 from capslip.leftovers import is_leftover
 from capslip.provenance import sha256_of
@@ -57,12 +58,10 @@ FILES = frozenset(
         "law_jenkins.csv",
     }
 )
-OURS = ".capslip."  # begins every name that is there only while something is written
 READY = f"{OURS}ready"
 LOCK = f"{OURS}lock"
 GONE = "gone.json"  # in READY: files of the earlier result that the new one has not
 WAIT_S = 5.0  # for a lock
-FULL = {errno.ENOSPC, errno.EDQUOT}  # the disk, or one's share of it
 ROOM = 1 << 14  # bytes: of what is still to be noted beside a finished result
 MOST_AT_ONCE = 8  # files that are brought to the disk
 NO_SYNC = {errno.EINVAL, errno.ENOTSUP}  # of folders, on some file systems
@@ -225,11 +224,6 @@ def named(folder: Path) -> Iterator[None]:
         raise OutputError(
             f"output folder {folder}: {error.strerror}; choose another with --out"
         ) from error
-
-
-def is_full(error: BaseException) -> TypeGuard[OSError]:
-    """Tell whether an error is that of a full disk."""
-    return isinstance(error, OSError) and error.errno in FULL
 
 
 def check_room(folder: Path) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
+from capslip.disk import hdf5_in_memory
 from capslip.output.arrays import UNITS, Tables, table_of
 from capslip.output.datasets import write_attribute, write_dataset
 from capslip.output.staging import SUMMARY, summary_text
@@ -58,12 +59,10 @@ def _cells(column: np.ndarray) -> list[str]:
 
 
 def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
-    import h5py
     from h5py import h5g
 
     surface = analysis.conditioned.surface
-    # In memory, then to the disk at once: where that is full, HDF5 itself ends the process
-    with h5py.File(path, "w", driver="core", backing_store=False, block_size=BLOCK) as file:
+    with hdf5_in_memory(path, block_size=BLOCK) as file:
         packed = {"chunks": True, "compression": "gzip", "compression_opts": 1, "shuffle": True}
         of_surface, of_hills = (h5g.create(file.id, name) for name in (b"surface", b"hills"))
         # Not packed: noise hardly gets smaller, in fifteen times the time
@@ -98,5 +97,3 @@ def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
             zones = zones_of(analysis, normal["load_N"], normal["approach_m"])
             if zones is not None:
                 write_zones(zones, h5g.create(file.id, b"zones"))
-        file.flush()
-        path.write_bytes(file.id.get_file_image())

@@ -149,10 +149,10 @@ def _propagated(state: State, damping: Damping) -> Band | None:
     stiffer, more = state.of_the_beam(given)
 
     def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore"):
             of_all = log["caps"] + log["model"] + log["part_of_joint"] + log["direction"]
             moved = np.exp(of_all + scans + left.shift + less)
-            other, energy_J = found * moved[:, 0], np.where(W == 0.0, 0.0, W * moved[:, 1])
+            other, energy_J = found * moved[:, 0], W * np.where(W == 0.0, 1.0, moved[:, 1])
         delta_m, force_N = state.answer.displacement_m, more * state.answer.slip_force_N
         T, delta = (force_N, other) if state.by_force else (other, delta_m)
         energy_J = np.minimum(energy_J, 4.0 * T * delta)  # no cycle is larger than its rectangle

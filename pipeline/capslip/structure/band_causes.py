@@ -64,11 +64,11 @@ def _of_one(state: State, part: Part) -> Left:
     if light is not None:
         return _of_uneven(state, part, light, share, e)
     at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
-    if not state.by_force:
+    if not state.by_force and state.greatest == 1.0:
         at = e
-        if state.greatest > 1.0:  # it may be beyond total slip at constant load
-            d = contact.curve.approach_m(contact.preload_N)
-            at = float(contact.curve.withdrawal_m(d, share * contact.preload_N))
+    elif not state.by_force:  # at constant load e may be beyond total slip
+        d = contact.curve.approach_m(contact.preload_N)
+        at = float(contact.curve.withdrawal_m(d, share * contact.preload_N))
     return _of_moved(contact, share, at, state.at_constant_load)
 
 

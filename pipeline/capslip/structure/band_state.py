@@ -12,7 +12,12 @@ from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import slip_curve
-from capslip.contact.varying_load import greatest_over_mean, varying
+from capslip.contact.varying_load import (
+    ROUNDED,
+    greatest_over_mean,
+    share_at_gross_slip,
+    varying,
+)
 from capslip.settings import Settings
 from capslip.structure.answer import Answer
 
@@ -25,7 +30,6 @@ OF_A_MAP = (-0.6, 0.0, 0.6)  # the same, as shares of the widest: about the ends
 HARDER, LITTLE = (0.0, 1.0), 0.2
 YIELDS_LITTLE = 0.05  # of the contact area, that has yielded
 LEAST_J, NO_LOSS_J = 1e-300, 1e-290  # stands for an energy of zero in a logarithm, and is one
-ROUNDED = 1.0 + 1e-12  # of a limit: up to there it is beyond by rounding alone
 
 
 Response = Callable[[NormalCurve, Any, Any], tuple[np.ndarray, np.ndarray]]
@@ -173,13 +177,11 @@ class State:
         """Return the same as if the load did not oscillate."""
         return (at_force if self.by_force else at_displacement)(curve, approach_m, at)
 
-    @cached_property
+    @property
     def _most_share(self) -> float:
         """Return the share of mu N at gross slip, 1 unless the load oscillates."""
-        if self.greatest == 1.0:
-            return 1.0
-        slip = slip_curve(self.as_found[0], self.preload_N, 1.0, 1.0)
-        return float(varying(slip, self.settings.slip).total_slip_force_N) / self.preload_N
+        slip = self.settings.slip
+        return share_at_gross_slip(slip.normal_amplitude_ratio, slip.normal_phase_rad)
 
     def curves(self, factors: np.ndarray) -> list[NormalCurve]:
         """Return the curves along which the joint unloads.

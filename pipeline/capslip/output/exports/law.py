@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.contact.slip import SlipCurve, slip_curve
+from capslip.disk import hdf5_in_memory
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
 from capslip.pressing import at_its_level, caps_hold, error_under, finds_its_level
@@ -422,11 +423,8 @@ def _write_csv(
 
 
 def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
-    import h5py
-
     names, rows = _sliders(found)
-    # In memory, then to the disk at once: where that is full, HDF5 itself ends the process
-    with h5py.File(path, "w", driver="core", backing_store=False) as file:
+    with hdf5_in_memory(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["about"] = "\n".join(page)
         file.attrs["scans"] = found.scans
@@ -438,8 +436,6 @@ def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
         sliders = np.array(list(rows))
         for name, column in zip(names, sliders.T, strict=True):
             file.create_dataset(f"sliders/{name}", data=column).attrs["unit"] = UNITS[name]
-        file.flush()
-        path.write_bytes(file.id.get_file_image())
 
 
 EXPORT = Export((*FILES, *DECKS.values()), write)

@@ -4,13 +4,11 @@ The native file holds the dataset `/height` (ny, nx), float32 or float64, NaN wh
 with the attributes `unit`, `pixel_size` = [dy, dx] and `pixel_unit`.
 """
 
-import errno
 import json
 import math
 import mmap
 import os
 import struct
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from capslip.disk import hdf5_in_memory, is_full, write_whole
 from capslip.errors import (
     OutputError,
     SettingsError,
@@ -83,47 +82,36 @@ def write_hdf5(
     OutputError
         If the file cannot be written; what was there before stays.
     """
-    import h5py
-
     if unit not in ("m", "mm", "um", "nm") or dtype not in ("float64", "float32"):
         raise SettingsError(
             f"{path}: unit {unit!r} and data type {dtype!r}; expected m, mm, um or nm, and "
             "float64 or float32"
         )
     heights = (surface.height_m / METRES[unit]).astype(dtype)
-    # In memory, then to the disk at once: where that is full, HDF5 itself ends the process
-    with h5py.File(path, "w", driver="core", backing_store=False) as file:
-        dataset = file.create_dataset(
-            "height", data=heights, compression="gzip", compression_opts=6, shuffle=True
-        )
-        dataset.attrs["unit"] = unit
-        dataset.attrs["pixel_size"] = surface.pixel_size_m
-        dataset.attrs["pixel_unit"] = "m"
-        if surface.noise_m is not None:
-            dataset.attrs["noise_m"] = surface.noise_m
-        if mean_of:
-            dataset.attrs["mean_of"] = list(map(printable, mean_of))
-        if truth is not None:
-            file["truth"] = json.dumps(truth)
-        file.flush()
-        image = file.id.get_file_image()
-    _put(image, Path(path))
 
+    def written(unfinished: Path) -> None:
+        with hdf5_in_memory(unfinished) as file:
+            dataset = file.create_dataset(
+                "height", data=heights, compression="gzip", compression_opts=6, shuffle=True
+            )
+            dataset.attrs["unit"] = unit
+            dataset.attrs["pixel_size"] = surface.pixel_size_m
+            dataset.attrs["pixel_unit"] = "m"
+            if surface.noise_m is not None:
+                dataset.attrs["noise_m"] = surface.noise_m
+            if mean_of:
+                dataset.attrs["mean_of"] = list(map(printable, mean_of))
+            if truth is not None:
+                file["truth"] = json.dumps(truth)
 
-def _put(image: bytes, path: Path) -> None:
-    """Write a file whole, or leave what is there as it is."""
     place = Path(os.path.realpath(path))  # a link stays one
     try:
-        with tempfile.TemporaryDirectory(prefix=".capslip.", dir=place.parent) as work:
-            unfinished = Path(work) / "unfinished.h5"
-            unfinished.write_bytes(image)
-            os.replace(unfinished, place)
+        write_whole(place, written)
     except OSError as error:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-        step = f"make room on the disk of {place.parent}, or " if full else ""
+        step = f"make room on the disk of {place.parent}, or " if is_full(error) else ""
         raise OutputError(
-            f"{path}: cannot be written ({error.strerror}); nothing was written; {step}choose "
-            "another folder"
+            f"{path}: cannot be written ({error.strerror or error}); nothing was written; "
+            f"{step}choose another folder"
         ) from error
 
 
