@@ -18,9 +18,9 @@ from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import synthetic_surface
 from capslip.studies.limits.axes import axes
-from capslip.studies.limits.case import clean
+from capslip.studies.limits.case import Axis, clean
 from capslip.studies.limits.known import slip_of_true_caps
-from capslip.studies.limits.measure import BREAKDOWN, _severities, measure
+from capslip.studies.limits.measure import BREAKDOWN, _estimates, _severities, measure
 from capslip.studies.limits.study import FRESH_SEED, limits
 from capslip.studies.limits.tries import harmless_faces
 
@@ -180,6 +180,19 @@ def test_a_wrong_answer_without_a_word_is_called_silent():
         "too_low_share": 1.0,
         "median_ratio": pytest.approx(run["estimate"] / worst),
     }
+
+
+def test_no_estimate_is_blamed_for_what_the_truth_is_unsure_of():
+    """Nor excused by it: an error that is left when it is taken off counts as it is."""
+    axis = Axis("waves", "", (), lambda seed, value: (), ())
+    row = {"method": "default", "axis": "waves", "estimate": 0.012, "unsure": 0.01}
+    errors = (0.0, 0.0005, 0.006, 0.02, 0.012)
+    rows = [row | {"errors": {"stiffness": -one, "approach": 1.0}} for one in errors]
+    held = _estimates(rows, "default", [axis])
+    assert held == {"cases": 5, "too_low_share": 0.2, "median_ratio": pytest.approx(1.2)}
+    sure = [one | {"unsure": None} for one in rows]
+    held = _estimates(sure, "default", [axis])
+    assert held == {"cases": 5, "too_low_share": 0.2, "median_ratio": pytest.approx(2.0)}
 
 
 def test_rows_of_two_processes_are_those_of_one():

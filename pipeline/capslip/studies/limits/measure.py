@@ -332,21 +332,24 @@ def _totals(runs: list[Row], method: str) -> Row:
 def _estimates(runs: list[Row], method: str, what: Iterable[Axis]) -> Row:
     """Return how often a model's estimate is less than its error in stiffness or energy.
 
-    And the median of their ratio.
+    And the median of their ratio. There an error counts as at least what the truth is unsure of:
+    below that nobody knows how far too great an estimate is.
     """
     known = {axis.name for axis in what if not axis.misread}
-    ratios = []
+    too_low, ratios = [], []
     for row in runs:
         mine = row["method"] == method and row["axis"] in known
         if mine and row["estimate"] is not None and row["errors"]:
             errors = [error for name, error in row["errors"].items() if name != "approach"]
             if None not in errors:
-                ratios.append(row["estimate"] / max(LEAST_ERROR, *map(abs, errors)))
+                error = max(LEAST_ERROR, *map(abs, errors))
+                too_low.append(row["estimate"] < error)
+                ratios.append(row["estimate"] / max(error, row["unsure"] or 0.0))
     if not ratios:
         return {"cases": 0, "too_low_share": None, "median_ratio": None}
     return {
         "cases": len(ratios),
-        "too_low_share": float(np.mean(np.array(ratios) < 1.0)),
+        "too_low_share": float(np.mean(too_low)),
         "median_ratio": float(np.median(ratios)),
     }
 

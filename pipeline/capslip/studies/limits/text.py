@@ -55,8 +55,9 @@ def limits_markdown(results: Row) -> str:
     parts += [
         "## What the estimated error holds",
         "The program's own estimate of its error, against the greatest error of the stiffness and\n"
-        "the energies; errors below 0.1 % count as 0.1 %. Without the axes on which the scan\n"
-        "shows another face that is as good: wrong units, and a bow of the instrument.",
+        "the energies; errors below 0.1 % count as 0.1 % and, in the median, below what the truth\n"
+        "is unsure of as that. Without the axes on which the scan shows another face that is as\n"
+        "good: wrong units, and a bow of the instrument.",
         _estimates({**results["estimates"], **fresh}),
     ]
     default = [run for run in results["runs"] if run["method"] == "default"]
