@@ -24,7 +24,7 @@ from capslip.contact.choice import (
 )
 from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
-from capslip.contact.joint import Joint
+from capslip.contact.joint import Joint, knowing_levels
 from capslip.contact.material import yield_law
 from capslip.contact.press import ContactState, press
 from capslip.contact.reach import reachable
@@ -35,6 +35,7 @@ from capslip.contact.uneven_accuracy import (
     error_of_patches,
     lightest,
     out_of_time,
+    problems_of_levels,
     problems_of_patches,
 )
 from capslip.contact.varying_load import greatest_over_mean, varying
@@ -113,7 +114,7 @@ def _sheared(
     One that the automatic choice takes where the joint is lighter.
     """
     joint, surface, tolerance = face.joint, face.conditioned.surface, settings.contact.tolerance
-    contact = with_direction(contact, caps, surface, settings)
+    contact = _with_levels(face, with_direction(contact, caps, surface, settings), settings)
     friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
     patches = joint.loaded(contact, greatest_over_mean(settings.slip))
     curve = joint.curve_of(patches)
@@ -123,8 +124,16 @@ def _sheared(
     contact, dearer = _with_errors_of_joint(face, contact, curve, patches, settings)
     left = error_of_patches(joint, patches)
     doubts = problems_of_patches(joint, patches, left, tolerance)
+    doubts += problems_of_levels(joint, contact, patches)
     found = replace(contact, patch_errors=left, problems=(*contact.problems, *doubts))
     return found, slip, dearer
+
+
+def _with_levels(face: Face, contact: ContactState, settings: Settings) -> ContactState:
+    """Return a pressed face that knows how it lies under the other pressures of its joint."""
+    if face.joint.is_even or not finds_its_level(face, contact, settings):
+        return contact
+    return knowing_levels(contact, lambda N: _lying_anew(face, contact, N, settings)[0])
 
 
 def _with_errors_of_joint(
@@ -138,12 +147,16 @@ def _with_errors_of_joint(
     light = lightest(face.joint, curve, [*patches[:-1], contact])
     if light is None:
         return contact, None
+    lying = face
+    if contact.at_level is not None and contact.at_level(light.preload_N) is not None:
+        alone = _of_one_scan(face.joint, light.preload_N)
+        lying, _ = _at_its_level(face, contact, alone, settings)
     dearer: Choice | None = None
     try:
         if settings.contact.model == "auto" and light.rung.error is None:
-            light, doubts, dearer = _as_chosen(face, light, settings)
+            light, doubts, dearer = _as_chosen(lying, light, settings)
         else:
-            light, doubts = _with_error(face, light, settings)
+            light, doubts = _with_error(lying, light, settings)
     except ContactError as failure:
         message = f"nobody knows how far stiffness and energy are off: {failure}"
         doubts = (Problem("pressures_interpolated", "warning", message),)
@@ -303,15 +316,27 @@ def at_its_level(
         If it finds no level, or not in time, or cannot carry the load; or if the bulk sinking
         cannot be taken off as it was.
     """
-    area_m2 = face.joint.scan_area_m2
-    joint = Joint(area_m2, area_m2, load_N, np.array([load_N]), np.ones(1), load_N)
+    pressed, caps = _lying_anew(face, contact, load_N, settings)
+    return with_direction(pressed, caps, face.conditioned.surface, settings)
+
+
+def _lying_anew(
+    face: Face, contact: ContactState, load_N: float, settings: Settings
+) -> tuple[ContactState, CapTable]:
+    """Return a scan at the level of another load, and its caps, as it slips in no direction yet."""
+    joint = _of_one_scan(face.joint, load_N)
     face, settings = _at_its_level(face, contact, joint, settings)
     pressed, caps = _pressed(face, settings)
     if pressed.bulk != contact.bulk:
         raise ContactError(f"the bulk sinking cannot be taken off under {load_N:g} N")
     if any(one.code == "time_limit_reached" for one in pressed.problems):
         raise ContactError("its slip cannot be followed within contact.time_limit_s")
-    return with_direction(pressed, caps, face.conditioned.surface, settings)
+    return pressed, caps
+
+
+def _of_one_scan(joint: Joint, load_N: float) -> Joint:
+    area_m2 = joint.scan_area_m2
+    return Joint(area_m2, area_m2, load_N, np.array([load_N]), np.ones(1), load_N)
 
 
 def _at_its_level(
@@ -373,8 +398,8 @@ def _caps_of(
 def _settings_of(face: Face, patch: ContactState, settings: Settings, model: str) -> Settings:
     """Return the settings of a patch of the joint: its load, and the model to ask.
 
-    The level of a face that was balanced stays that under the greatest pressure, and where the bulk
-    could not be taken off there it is kept.
+    A patch that found no level of its own lies as the scan does under the greatest pressure, and
+    where the bulk could not be taken off there it is kept.
     """
     found = as_found(face, settings)
     conditioning = found.conditioning

@@ -1,5 +1,8 @@
 """The joint that a scan stands for: shares of area and load, and patches under uneven pressure."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from contact_cases import E_STAR_PA
@@ -8,12 +11,13 @@ from scipy.ndimage import gaussian_filter
 import capslip
 from capslip.analysis import analyze_once
 from capslip.compare.model import load_model
-from capslip.contact.joint import curve_of_joint, joint_of
+from capslip.contact.joint import Joint, curve_of_joint, joint_of
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.models.interacting import interacting
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.slip import slip_curve
+from capslip.contact.uneven_accuracy import problems_of_levels
 from capslip.errors import ContactError, SettingsError
 from capslip.structure import band_state
 from scenes import caps_map
@@ -150,6 +154,63 @@ def test_an_uneven_joint_is_the_sum_of_its_patches_at_one_displacement(model):
     force_N = whole.force_N(inside_m)
     assert whole.displacement_m(force_N) == pytest.approx(inside_m, rel=1e-9)
     assert whole.energy_at_force_J(force_N) == pytest.approx(whole.energy_J(inside_m), rel=1e-9)
+
+
+TILTED = caps_map(
+    [(x, y, 20.0, 5e-8 * i - 1.6e-7) for i, (x, y) in enumerate([*PLACES_M, (15e-3, 4e-3)])]
+)
+LITTLE_IS_HEAVY = ((1e5, 1.2e-3), (4e5, 1.2e-6))  # on a thousandth of the area
+
+
+def by_hand(pressures, shares, *given):
+    """Return stiffness, and energies at forces, of faces that were each pressed alone."""
+    parts = []
+    for pressure_Pa, area_m2 in pressures:
+        even = (f"contact.nominal_pressure_Pa={pressure_Pa}", f"joint.area_m2={area_m2}")
+        parts.append(run("contact.alignment=balanced", *even, *given, face=TILTED).slip)
+    delta_m = np.geomspace(1e-4, 1.0, 2000) * max(one.total_slip_displacement_m for one in parts)
+    force_N, energy_J = (
+        sum(getattr(one, name)(delta_m) for one in parts) for name in ("force_N", "energy_J")
+    )
+    asked_N = np.array(shares) * sum(one.total_slip_force_N for one in parts)
+    stiffness = sum(float(one.tangential_stiffness_N_per_m) for one in parts)
+    return np.append(np.interp(asked_N, force_N, energy_J), stiffness)
+
+
+@pytest.mark.parametrize("more", [(), ("material.hardness_Pa=2e8",)])
+@pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
+def test_each_patch_lies_at_the_level_that_its_own_pressure_finds(tmp_path, model, more):
+    """A thousandth of the area, pressed harder, does not tell how the rest lies."""
+    shares, given = (0.25, 0.5, 0.75), (f"contact.model={model}", *more)
+    rows = [f"{pressure_Pa},{area_m2}" for pressure_Pa, area_m2 in LITTLE_IS_HEAVY]
+    pressures = pressure_file(tmp_path, *rows, header="pressure_Pa,area_m2")
+    uneven = ("contact.alignment=balanced", f"joint.pressure_map={pressures}")
+    found = run(*uneven, *given, face=TILTED)
+    slip, joint, contact = found.slip, found.joint, found.contact
+
+    def answers(curve):
+        one = slip_curve(curve, joint.preload_N, MU, contact.composite.kappa)
+        energies_J = one.energy_at_force_J(np.array(shares) * one.total_slip_force_N)
+        return np.append(energies_J, one.tangential_stiffness_N_per_m)
+
+    expected = by_hand(LITTLE_IS_HEAVY, shares, *given)
+    assert answers(joint.curve(contact)) == pytest.approx(expected, rel=0.02)
+    assert slip.tangential_stiffness_N_per_m == pytest.approx(expected[-1], rel=0.02)
+    at_one_level = answers(joint.curve(replace(contact, at_level=None)))
+    assert np.abs(at_one_level / expected - 1.0).max() > 0.1
+
+
+def test_a_pressure_that_finds_no_level_is_named_with_the_load_that_rests_there():
+    joint = Joint(3.0, 1.0, 110.0, np.array([10.0, 20.0, 80.0]), np.ones(3), 80.0)
+    state = SimpleNamespace(preload_N=80.0, at_level=lambda N: None if N < 15.0 else state)
+    patches = [SimpleNamespace(preload_N=N) for N in (10.0, 20.0, 80.0)]
+    (lost,) = problems_of_levels(joint, state, patches)
+    assert (lost.code, lost.severity) == ("not_balanced", "warning")
+    assert "under 12 % of the greatest pressure and less, where 9.1 %" in lost.message
+    state.at_level = lambda N: state
+    assert problems_of_levels(joint, state, patches) == []
+    state.at_level = None
+    assert problems_of_levels(joint, state, patches) == []
 
 
 @pytest.mark.parametrize("model", ["caps", "interacting"])

@@ -155,8 +155,9 @@ def test_a_load_that_slips_first_is_not_left_to_heavy_ones():
 
 @pytest.mark.parametrize("yields", [False, True])
 def test_few_solved_pressures_stand_for_many(tmp_path, monkeypatch, yields):
+    """At one level: where each finds its own, what moves between two of them is chance as well."""
     pressures_Pa = np.linspace(0.2e6, 1e6, 10).tolist()
-    given = ("material.hardness_Pa=4e8",) if yields else ()
+    given = ("contact.alignment=as_levelled", *(("material.hardness_Pa=4e8",) if yields else ()))
     few = pressed(tmp_path, pressures_Pa, *given)
     monkeypatch.setattr(joint, "MAX_SOLVED", 10)
     every = pressed(tmp_path, pressures_Pa, *given)
@@ -196,11 +197,14 @@ def test_patches_too_light_for_the_pixels_are_scaled_and_said(tmp_path):
 def test_an_interval_of_few_solved_pressures_follows_the_preload(
     tmp_path, monkeypatch, hardness, noise_m
 ):
-    """At a hundredth more of it as if that had been given; noise is pressed as it is."""
+    """At a hundredth more of it as if that had been given; noise is pressed as it is.
+
+    At the level that was found, which an interval holds.
+    """
     monkeypatch.setattr(joint, "MAX_SOLVED", 4)
     at, answers = np.linspace(0.3e6, 1e6, 5), []
     for factor in (1.0, 1.01):
-        given = ("answer.slip_force_N=5.5", *hardness)
+        given = ("answer.slip_force_N=5.5", "contact.alignment=as_levelled", *hardness)
         answers.append(pressed(tmp_path, (factor * at).tolist(), *given, noise_m=noise_m))
     state = band_state.State(answers[0].answer, True, answers[0].parts, answers[0].settings)
     log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))

@@ -13,7 +13,7 @@ from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.balanced import levelled
 from capslip.contact.curve import NormalCurve
-from capslip.contact.joint import joint_of
+from capslip.contact.joint import joint_of, knowing_levels
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import ContactState, press
@@ -166,17 +166,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         If the folder holds no finished result, or one without a joint or of another pressure map.
     """
     folder = Path(result)
-    summary = read_summary(folder)
-    if summary is None:
-        raise UnreadableFileError(
-            f"{folder}: holds no finished result; expected a folder that capslip analyze wrote"
-        )
-    if not (folder / "result.h5").exists():
-        raise UnreadableFileError(
-            f"{folder}: holds no result.h5, and so no face; expected a folder that capslip analyze "
-            "wrote of one scan"
-        )
-    _check_has(summary, folder, "contact", "provenance")
+    summary = _summary_of_one_scan(folder)
     used = summary["contact"]["model"]
     if used is None:
         raise UnreadableFileError(
@@ -192,18 +182,26 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     whole = joint_of(settings, surface)
     law = yield_law(material)
     greatest, at_ease_rad = greatest_over_mean(settings.slip), _at_ease_rad(summary["surface"])
-    turns = rung(used).made_from == "spheres" and rung(used).knows_places
+    has_places = rung(used).made_from == "spheres" and rung(used).knows_places
+    ease_rad = at_ease_rad if has_places else None  # of caps that lie anew under another load
 
     @cache
     def state(preload_N: float) -> ContactState:
-        pressed, joint = caps, whole.under(preload_N)
-        changed = joint.settings_of_scan(settings)
-        if turns and at_ease_rad is not None:
+        found = under(whole.under(preload_N).scan_load_N)
+        if whole.is_even or (found.turned is None and ease_rad is None):
+            return found
+        return knowing_levels(found, under)
+
+    def under(load_N: float) -> ContactState:
+        pressed, changed = caps, whole.settings_of_scan(settings)
+        contact = msgspec.structs.replace(changed.contact, preload_N=load_N)
+        changed = msgspec.structs.replace(changed, contact=contact)
+        if ease_rad is not None:
             at_m = load_point_m(surface, changed)
-            pressed = levelled(caps, caps.usable, at_m, changed, at_ease_rad)
+            pressed = levelled(caps, caps.usable, at_m, changed, ease_rad)
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
-            near = reachable(pressed, surface, composed.E_star_Pa, joint.scan_load_N, law).use
+            near = reachable(pressed, surface, composed.E_star_Pa, load_N, law).use
             pressed = _part(pressed, near)
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
@@ -223,6 +221,21 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     if rung(used).made_from == "map":
         model = _of_a_map(model, state)
     return model, settings
+
+
+def _summary_of_one_scan(folder: Path) -> dict[str, Any]:
+    summary = read_summary(folder)
+    if summary is None:
+        raise UnreadableFileError(
+            f"{folder}: holds no finished result; expected a folder that capslip analyze wrote"
+        )
+    if not (folder / "result.h5").exists():
+        raise UnreadableFileError(
+            f"{folder}: holds no result.h5, and so no face; expected a folder that capslip analyze "
+            "wrote of one scan"
+        )
+    _check_has(summary, folder, "contact", "provenance")
+    return summary
 
 
 def _of_a_map(model: JointModel, state: Callable[[float], ContactState]) -> JointModel:

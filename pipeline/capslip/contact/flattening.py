@@ -52,8 +52,9 @@ def loaded_first(
     bulk: bool,
     load_N: float,
     hardness_factor: float = 1.0,
+    place_m: tuple[float, float] | None = None,
 ) -> NormalCurve:
-    """Return the curve for slip of a face that yields, after another first loading than its own.
+    """Return the curve for slip of a face, after another first loading than its own.
 
     Its approach counts from the highest peak as it was before: the first touch is where flattening
     left that peak, see `touch_m`.
@@ -63,7 +64,7 @@ def loaded_first(
     model : Rung
         One that knows yielding.
     scene : Scene
-        Before any load, with its law of yielding.
+        Before any load; of spheres that yield.
     known : dict of float to NormalCurve
         By their load, what is known after other first loadings, with the bulk sinking where the
         model has one: at first the curve after its own, whose tilt is held on a map. A map begins
@@ -74,19 +75,22 @@ def loaded_first(
         Of the first loading.
     hardness_factor : float
         On the hardness.
+    place_m : (float, float), optional
+        Where this load is to act on a map, (x, y), which turns until it does.
 
     Raises
     ------
     ContactError
         If no equilibrium is found, or the bulk cannot be taken off.
     """
-    assert scene.law is not None
     if model.after is not None:
         near_N = min((N for N in known if load_N <= N), default=scene.preload_N)
-        curve: Any = model.after(known[near_N], near_N, load_N / near_N, hardness_factor)
+        by = load_N / near_N, hardness_factor, place_m
+        curve: Any = model.after(known[near_N], near_N, *by)
         if hardness_factor == 1.0:
             known[load_N] = curve
     else:
+        assert scene.law is not None
         law = replace(scene.law, hardness_Pa=scene.law.hardness_Pa * hardness_factor)
         scene = replace(scene, preload_N=load_N, law=law)
         after = flattened(model, scene)

@@ -4,8 +4,9 @@ A scan under a pressure gives a law per area. The joint is the sum of patches of
 one tangential displacement: the one place where results of the scan become those of the joint.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -86,13 +87,14 @@ class Joint:
         return self.curve_of(self.loaded(contact, greatest))
 
     def loaded(self, contact: ContactState, greatest: float = 1.0) -> list[ContactState]:
-        """Return the state of each patch after its own first loading; one for all where elastic.
+        """Return the state of each patch after its own first loading, at its own level.
 
-        Where each load is a solution of the map, those of few patches stand for many, and those
-        that are too light for the pixels of the map are left out, see `curve_of`.
+        One for all where they are elastic and lie alike. Where each load is a solution of the map,
+        or finds a level, those of few patches stand for many, and those that are too light for the
+        pixels of the map are left out, see `curve_of`.
         """
-        solves = contact.rung.solved_loads_N is not None
-        if self.is_even or (contact.first is None and not solves):
+        solves, turns = contact.rung.solved_loads_N is not None, contact.at_level is not None
+        if self.is_even or (contact.first is None and not solves and not turns):
             return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
         load_N = self.load_N
         if solves and len(load_N) > self.most_solved:
@@ -101,14 +103,15 @@ class Joint:
         states: list[ContactState] = []
         for N in sorted(load_N.tolist(), reverse=True):
             try:
-                curve = contact.curve_after(greatest * N)
+                patch = contact.of_patch(N) if turns and states else contact
+                curve = patch.curve_after(greatest * N)
                 if solves:
                     seen(curve, N)  # a map may have too few pixels
             except ContactError:
                 if not (solves and states):
                     raise
                 break
-            states.append(replace(contact, curve=curve, preload_N=N))
+            states.append(replace(patch, curve=curve, preload_N=N))
         return states[::-1]
 
     def curve_of(self, patches: Sequence[ContactState]) -> NormalCurve:
@@ -126,6 +129,29 @@ class Joint:
             at_N = np.array([patch.preload_N for patch in patches])
             curves = scaled_between(curves, at_N, self.load_N)
         return side_by_side(curves, self.load_N, self.weight)
+
+
+def knowing_levels(contact: ContactState, anew: Callable[[float], ContactState]) -> ContactState:
+    """Return a scan that knows how it lies under the other pressures of its joint.
+
+    Parameters
+    ----------
+    contact : ContactState
+        At the level of its own load.
+    anew : callable
+        Presses it at the level of another load, N. A map that turns knows it by itself.
+    """
+
+    @cache
+    def at_level(load_N: float) -> ContactState | None:
+        try:
+            if contact.turned is not None:
+                return contact.under(load_N, contact.turned(load_N))
+            return anew(load_N)
+        except ContactError:
+            return None
+
+    return replace(contact, at_level=at_level)
 
 
 def joint_of(settings: Settings, surface: HeightMap) -> Joint:

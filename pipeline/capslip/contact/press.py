@@ -66,6 +66,11 @@ class ContactState:
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
     at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes at which nothing turns the face back
+    # The curve for slip of a map that turns, at the level that another load finds
+    turned: Callable[[float], NormalCurve] | None = None
+    # The scan at the level that another load finds, None where it finds none; without it all
+    # patches of a joint lie as this one
+    at_level: Callable[[float], "ContactState | None"] | None = None
     # What few solved pressures leave of a joint of many; None: each has its own, or any is as good
     patch_errors: ModelError | None = None
     # The lightest patch that counts of a joint that is pressed unevenly, with its errors; None: no
@@ -101,15 +106,31 @@ class ContactState:
             return self.curve
         return self.first(load_N, hardness_factor)
 
-    def under(self, load_N: float) -> "ContactState":
-        """Return what slip, errors and doubts ask of the face after a first loading to a load.
+    def of_patch(self, load_N: float) -> "ContactState":
+        """Return a patch of the joint after its first loading to a load, at the level of that.
+
+        One that finds none lies as the scan does under its own load.
 
         Raises
         ------
         ContactError
             If the face cannot carry the load.
         """
-        curve, count = self.curve_after(load_N), self.rung.touching
+        if self.at_level is None or load_N == self.preload_N:
+            return self.under(load_N)
+        return self.at_level(load_N) or self.under(load_N)
+
+    def under(self, load_N: float, curve: NormalCurve | None = None) -> "ContactState":
+        """Return what slip, errors and doubts ask of the face after a first loading to a load.
+
+        At the level of the known one, or along a curve that is known.
+
+        Raises
+        ------
+        ContactError
+            If the face cannot carry the load.
+        """
+        curve, count = curve or self.curve_after(load_N), self.rung.touching
         bulk_m = self.bulk_m * (load_N / self.preload_N)
         approach_m = float(curve.approach_m(load_N))
         return replace(
@@ -173,7 +194,7 @@ class ContactState:
         return None if rest_m is None or rest_m < 0.0 else rest_m
 
 
-def press(
+def press(  # long: one state, field by field
     caps: CapTable,
     families: Families,
     surface: HeightMap,
@@ -279,6 +300,7 @@ def press(
         yielded_area_m2=found.yielded_area_m2,
         left_m=left_m(model, before, scene, normal),
         first=_first(model, before, normal, bulk),
+        turned=_turned(model, before, normal, bulk),
         at_ease_rad=at_ease_rad,
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
@@ -362,6 +384,15 @@ def _first(
     known = {scene.preload_N: normal}
     # Answer and band ask twice
     return cache(partial(loaded_first, model, scene, known, bulk))
+
+
+def _turned(
+    model: Rung, scene: Scene, normal: NormalCurve, bulk: bool
+) -> Callable[[float], NormalCurve] | None:
+    if model.after is None or scene.turning_stiffness > 0.0:
+        return None
+    known = {scene.preload_N: normal}
+    return cache(partial(loaded_first, model, scene, known, bulk, place_m=scene.load_point_m))
 
 
 def _contacts(

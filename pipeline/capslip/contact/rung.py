@@ -182,8 +182,8 @@ class Rung(Generic[C]):
         None
     )
     # The curve after another first loading than that to a load, by factors on it and on the
-    # hardness; None: it is built anew
-    after: Callable[[C, float, float, float], C] | None = None
+    # hardness, at its tilt or at the one that lets the load act at a place; None: it is built anew
+    after: Callable[[C, float, float, float, tuple[float, float] | None], C] | None = None
     # The same curve, followed at these shares of mu N alone, for less; None: any is as good
     at_forces: Callable[[C, tuple[float, ...]], C] | None = None
     # Loads of its rows under a load, of caps that sink each other; None: each goes down alone

@@ -101,6 +101,26 @@ def problems_of_patches(
     return [Problem("pressures_interpolated", severity, message, Effect(K, W, W))]
 
 
+def problems_of_levels(
+    joint: Joint, contact: ContactState, patches: Sequence[ContactState]
+) -> list[Problem]:
+    """Return whether patches of a joint find no level, and lie as the scan under the greatest."""
+    at_level = contact.at_level
+    if at_level is None:
+        return []
+    lost_N = [N for N in (one.preload_N for one in patches[:-1]) if at_level(N) is None]
+    if not lost_N:
+        return []
+    of_greatest = percent(max(lost_N) / joint.scan_load_N)
+    light = _no_heavier(joint, max(lost_N))
+    share = percent(float((joint.load_N * joint.weight)[light].sum()) / joint.preload_N)
+    message = (
+        f"no level is found under {of_greatest} of the greatest pressure and less, where {share} "
+        "of the preload rests: there the face lies as under the greatest, which decides"
+    )
+    return [Problem("not_balanced", "warning", message)]
+
+
 def lightest(
     joint: Joint, curve: NormalCurve, patches: Sequence[ContactState]
 ) -> ContactState | None:
@@ -131,7 +151,7 @@ def lightest(
     load_N = next((N for N in known if _rests_on(joint, N, stiffness, energy[0]) > FEW), None)
     if load_N is None:
         return None
-    return heaviest.under(load_N)
+    return heaviest.of_patch(load_N)
 
 
 def error_of_joint(

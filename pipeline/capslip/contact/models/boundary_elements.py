@@ -119,16 +119,32 @@ def boundary_elements(
 
 
 def _after(
-    curve: BoundaryElementCurve, load_N: float, of_load: float, of_hardness: float
+    curve: BoundaryElementCurve,
+    load_N: float,
+    of_load: float,
+    of_hardness: float,
+    place_m: tuple[float, float] | None = None,
 ) -> BoundaryElementCurve:
-    """Return the curve after another first loading than a known one, by factors; its tilt stays."""
+    """Return the curve after another first loading than a known one, by factors.
+
+    Its tilt stays, or is the one at which the other load acts at a place (x, y).
+    """
     assert curve.first is not None
-    pressed, punch, known = curve.pressed(load_N), curve.solutions.punch(load_N), curve.solutions
-    given = (known.tolerance, known.time_limit_s)
-    begun_s = thread_time()
-    face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
+    given = (curve.solutions.tolerance, curve.solutions.time_limit_s)
+    begun_s, tilt_rad = thread_time(), curve.tilt_rad
+    if place_m is None:
+        pressed, punch = curve.pressed(load_N), curve.solutions.punch(load_N)
+        face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
+    else:  # from coarse points on: where it turned, other points touch than those that are known
+        face = curve.first.face
+        face = replace(face, hardness_Pa=of_hardness * face.hardness_Pa)
+        again = press_balanced(
+            face, of_load * load_N, place_m, tolerance=given[0], time_limit_s=given[1]
+        )
+        face = face.tilted(again.tilt_rad)
+        tilt_rad = tilt_rad[0] + again.tilt_rad[0], tilt_rad[1] + again.tilt_rad[1]
     after = _unloading(face, again, *given, begun_s, as_pixels=of_load != 1.0)
-    return replace(after, tilt_rad=curve.tilt_rad)
+    return replace(after, tilt_rad=tilt_rad)
 
 
 def _unloading(
