@@ -52,9 +52,9 @@ EXAMPLES = {  # of every command, as its --help shows them
 }
 EXIT_CODES = (
     ("0", "done; warnings are in the result"),
-    ("1", "a picture or a table is missing, or an internal error"),
+    ("1", "a part of a result was not made, as on a full disk, or an internal error"),
     ("2", "an option, a setting or the output folder is wrong"),
-    ("3", "a scan cannot be read or used, or has no answer"),
+    ("3", "a scan cannot be read or used, has no answer, or not the --export asked for"),
     ("4", "nothing to do"),
     ("130", "interrupted"),
 )

@@ -1,6 +1,7 @@
 """Every model end to end, and parts of a result that fail without taking the numbers along."""
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
+from capslip.console import EXIT_CODES
 from capslip.contact.solvers import solutions
 from capslip.errors import ContactError
 from capslip.options import MODELS
@@ -148,6 +150,10 @@ def test_an_export_that_a_setting_rules_out_asks_for_the_setting(face, tmp_path)
     (said,) = [one for one in problems if one["code"] == "output_missing"]
     assert "expected a constant normal load" in said["message"]
     assert said["remedy"].startswith("Give what the message expects")
+    meaning = dict(EXIT_CODES)[str(ran.exit_code)]  # of --help
+    assert "--export" in meaning
+    readme = " ".join((Path(__file__).parents[2] / "README.md").read_text("utf-8").split())
+    assert f"`--export` that cannot be made of the scan, with code {ran.exit_code}." in readme
 
 
 @pytest.mark.parametrize(
