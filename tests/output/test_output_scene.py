@@ -7,6 +7,7 @@ import sys
 import time
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -20,7 +21,8 @@ from capslip.output.drawing import off_screen
 from capslip.output.picture import STICK, WINDOW, Look, caption, draw, picture_of
 from capslip.output.scene import look_of, save_picture, show, start_render
 from capslip.output.tables import write_result, write_summary
-from capslip.output.view import read_view
+from capslip.output.view import COLOURS, read_view
+from capslip.output.viewer import check_page, viewer_data
 from capslip.output.window import Window
 
 DRAW_A_SPHERE = (
@@ -505,6 +507,56 @@ def test_a_state_of_contacts_that_are_not_known_is_refused(none, tmp_path, monke
                 f"{tmp_path / place}: got --load or --force; {tmp_path / 'result.h5'} knows no "
                 "single contacts to show so; leave them out"
             )
+
+
+@pytest.mark.parametrize(
+    ("colour", "load", "got"),
+    [
+        ("load", 1.0, "--colour load; {}; leave it out"),
+        ("loss", 1.0, "--colour loss; {}; leave it out"),
+        ("load", 0.5, "--load or --force and --colour load; {}; leave them out"),
+    ],
+)
+def test_colours_of_contacts_that_are_not_known_are_refused(
+    colour, load, got, none, tmp_path, monkeypatch
+):
+    """All caps were coloured as if they bore nothing."""
+    write_result(none, tmp_path)
+    monkeypatch.setattr(scene, "start_render", lambda *_, **__: pytest.fail("drawn"))
+    look, picture = look_of(colour, load, None), tmp_path / "seen.png"
+    got = got.format(f"{tmp_path / 'result.h5'} knows no single contacts to show so")
+    for draw_it, place in ((save_picture, picture), (check_page, tmp_path / "page.html")):
+        with pytest.raises(OutputError) as error:
+            draw_it(tmp_path, place, look)
+        said = str(error.value)
+        if place.suffix == ".html":
+            said = said.replace("--load, --force or --mate", "--load or --force")
+        assert said == f"{place}: got {got}"
+
+
+def test_without_contacts_neither_window_nor_page_offers_their_colours(several, tmp_path):
+    view = read_view(output_cases.written(several, tmp_path))
+    assert tuple(viewer_data(view)["colours"]) == view.colours == COLOURS
+    unknown = replace(view, zones=None)
+    assert tuple(viewer_data(unknown)["colours"]) == ("family", "radius", "flag")
+    window, seen = SimpleNamespace(view=unknown, look=Look("flag")), []
+    window.change = lambda **given: seen.append(given)
+    Window.next_colour(window)
+    assert seen == [{"colour": "family", "caps": True}]
+
+
+def test_a_picture_with_the_mate_says_that_no_contacts_are_known(none, several, tmp_path):
+    """Nothing of a mate was drawn, or at first touch, without a word."""
+    (tmp_path / "none").mkdir()
+    (tmp_path / "several").mkdir()
+    write_result(none, tmp_path / "none")
+    known = read_view(output_cases.written(several, tmp_path / "several"))
+    assert known.zones is not None
+    views = (read_view(tmp_path / "none"), replace(known, zones=None))
+    for view, where in zip(views, ("no mate is drawn", "the mate is where it first"), strict=True):
+        assert f"no single contacts are known: {where}" in caption(view, Look(mate=True))
+        assert "no single contacts" not in caption(view, Look())
+    assert "no single contacts" not in caption(known, Look(mate=True))
 
 
 @pytest.mark.parametrize("mate", [False, True])

@@ -97,7 +97,11 @@ def caption(view: View, look: Look) -> str:
     if look.zones and view.zones is not None:
         lines.append(state_line(view, look))
         lines += [view.enlarged_points] if view.enlarged_points else []
-    tilt_m = (view.summary.get("contact") or {}).get("tilt_across_face_m")
+    contact = view.summary.get("contact") or {}
+    if look.mate and view.zones is None:
+        where = "the mate is where it first touches" if contact else "no mate is drawn"
+        lines.append(f"no single contacts are known: {where}")
+    tilt_m = contact.get("tilt_across_face_m")
     if look.mate and tilt_m:
         lines.append(f"balanced: turned by {engineering(tilt_m, 'm')} across the face")
     return "\n".join(lines)

@@ -23,7 +23,7 @@ from capslip.output.drawing import Drawing, off_screen
 from capslip.output.mesh import FACE_CELLS
 from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
 from capslip.output.renderer import REMEDY, RENDER, UNWRITTEN, WAITS, Rendering, unfinished_of
-from capslip.output.view import COLOURS, check_result, read_view, result_file
+from capslip.output.view import COLOURS, OF_CONTACTS, check_result, read_view, result_file
 from capslip.output.window import Window
 
 OFF_SCREEN = "--screenshot FILE.png, --turntable FILE.gif or --html FILE.html need none"
@@ -118,11 +118,15 @@ def check_picture(result: str | Path, picture: Path, look: Look) -> None:
 
 
 def _check_state(known: bool, look: Look, result: str | Path, place: Path) -> None:
-    """Refuse a state of contacts of which nothing is known; a flat mate is drawn without them."""
-    if look.zones and not known:
+    """Refuse what contacts show of which nothing is known; a flat mate is drawn without them."""
+    if known:
+        return
+    of_contacts = ["--load or --force"] if look.zones else []
+    of_contacts += [f"--colour {look.colour}"] if look.colour in OF_CONTACTS else []
+    if of_contacts:
         raise OutputError(
-            f"{place}: got --load or --force; {result_file(result)} knows no single contacts to "
-            "show so; leave them out"
+            f"{place}: got {' and '.join(of_contacts)}; {result_file(result)} knows no single "
+            f"contacts to show so; leave {'them' if look.zones else 'it'} out"
         )
 
 

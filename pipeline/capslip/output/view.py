@@ -24,6 +24,7 @@ from capslip.output.zones import Zones, loss_shares, read_zones, zone_at
 from capslip.surface.filling import from_nearest
 
 COLOURS = ("family", "load", "radius", "flag", "loss")
+OF_CONTACTS = ("load", "loss")  # colours that only single contacts tell
 # Neither green nor red, which say what sticks and what slips
 FLAG_COLOUR = ("#0072B2", "#E69F00", "#882255", "#CC79A7", "#332288", "#56B4E9", "#F0E442")
 FLAGGED = 5  # kinds of flags that are told apart; the others are one
@@ -111,6 +112,12 @@ class View:
         each_m2 = SEEN_AREA * side_y_m * side_x_m / max(len(self.pixel_m), 1)
         seen_m = min(math.sqrt(each_m2), SEEN_SIDE * max(self.side_m))
         return max(math.sqrt(math.prod(self.pixel_size_m)), seen_m)
+
+    @property
+    def colours(self) -> tuple[str, ...]:
+        """By what the caps can be coloured: without single contacts all load would be zero."""
+        of_contacts = OF_CONTACTS if self.zones is None else ()
+        return tuple(by for by in COLOURS if by not in of_contacts)
 
     @property
     def enlarged_points(self) -> str:

@@ -17,7 +17,7 @@ from capslip.errors import OutputError
 from capslip.output.canvas import height_limits
 from capslip.output.picture import SLIP, STICK, Look
 from capslip.output.view import (
-    COLOURS,
+    OF_CONTACTS,
     View,
     cap_profiles,
     check_result,
@@ -80,10 +80,13 @@ def check_page(result: str | Path, page: Path, look: Look) -> None:
         raise OutputError(f"{page}: got {page.suffix or 'no suffix'}; expected .html or .htm")
     if not page.absolute().parent.is_dir():
         raise OutputError(f"{page}: No such file or directory; give another name")
-    if not check_result(result) and (look.zones or look.mate):
+    known, coloured = check_result(result), look.colour in OF_CONTACTS
+    if not known and (look.zones or look.mate or coloured):
+        state = ["--load, --force or --mate"] if look.zones or look.mate else []
+        got = [*state, *([f"--colour {look.colour}"] if coloured else [])]
         raise OutputError(
-            f"{page}: got --load, --force or --mate; {result_file(result)} knows no single "
-            "contacts to show so; leave them out"
+            f"{page}: got {' and '.join(got)}; {result_file(result)} knows no single "
+            f"contacts to show so; leave {'them' if state else 'it'} out"
         )
 
 
@@ -133,7 +136,7 @@ def viewer_data(view: View, look: Look | None = None) -> dict[str, Any]:
             "load": _packed(view.cap_load_N, "f4"),
             "loss": _packed(view.cap_loss_share, "f4"),
         },
-        "colours": {by: _colours(view, by) for by in COLOURS},
+        "colours": {by: _colours(view, by) for by in view.colours},
         "zones": _zones(view),
         "profiles": _profiles(view, shown),
         "stick": STICK,

@@ -8,7 +8,7 @@ import numpy as np
 from capslip.output.drawing import Drawing
 from capslip.output.picture import WINDOW, Look, draw, picture_of
 from capslip.output.quantity import scaled
-from capslip.output.view import COLOURS, View, cap_at, cap_lines, cap_profiles
+from capslip.output.view import View, cap_at, cap_lines, cap_profiles
 
 KEYS = (  # those that VTK leaves free
     ("b", "face", "the face"),
@@ -85,8 +85,9 @@ class Window:
 
     def next_colour(self) -> None:
         """Colour the caps by the next of their columns."""
-        at = COLOURS.index(self.look.colour)
-        self.change(colour=COLOURS[(at + 1) % len(COLOURS)], caps=True)
+        colours = self.view.colours
+        at = colours.index(self.look.colour)
+        self.change(colour=colours[(at + 1) % len(colours)], caps=True)
 
     def toggle_help(self) -> None:
         """Show or hide the keys."""
