@@ -20,6 +20,19 @@ def is_full(error: BaseException) -> TypeGuard[OSError]:
     return isinstance(error, OSError) and error.errno in FULL
 
 
+def way_out(error: BaseException, other: str) -> str:
+    """Return what to do where a file cannot be written: on a full disk another name is no help.
+
+    Examples
+    --------
+    >>> way_out(OSError(errno.ENOSPC, "No space left on device"), "give another name")
+    'make room on its disk, or give another name'
+    >>> way_out(OSError(errno.EACCES, "Permission denied"), "give another name")
+    'give another name'
+    """
+    return f"make room on its disk, or {other}" if is_full(error) else other
+
+
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file whole, or leave what is there as it is.
 

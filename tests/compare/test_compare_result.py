@@ -1,5 +1,6 @@
 """A result folder against CSV files: reading, units, one-line errors."""
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from shutil import copytree
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter
 
 from capslip.analysis import analyze
@@ -284,6 +286,27 @@ def test_result_against_its_own_curve(result, tmp_path):
     assert written == to_dict(found)
     assert (tmp_path / "new" / "out" / "compare.png").stat().st_size > 10_000
     assert sum(line.startswith("misfit") for line in lines(found)) == 3
+
+
+@pytest.mark.parametrize("name", ["compare.png", "compare.json"])
+def test_half_a_comparison_takes_no_place(result, tmp_path, monkeypatch, name):
+    text = "amplitude_um,loss_factor\n" + "".join(f"0.{k},0.00{k}\n" for k in range(1, 8))
+    found = compare_result(result[0], write(tmp_path / "a.csv", text))
+    out = tmp_path / "out"
+    write_comparison(found, out)
+    before = (out / name).read_bytes()
+
+    def half(*given, **_):
+        path = next(one for one in given if isinstance(one, Path))
+        path.write_bytes(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    kind = (Figure, "savefig") if name.endswith("png") else (Path, "write_text")
+    monkeypatch.setattr(*kind, half)
+    with pytest.raises(OutputError, match=r"device; make room on its disk, or choose another"):
+        write_comparison(found, out)
+    assert (out / name).read_bytes() == before
+    assert sorted(one.name for one in out.iterdir()) == ["compare.json", "compare.png"]
 
 
 def test_the_sample_curves_are_those_of_their_joint_as_a_sensor_sees_it(tmp_path):

@@ -3,7 +3,9 @@
 VTK reads what VTK can; X3P and CSV go through the readers of scans; OBJ is read line by line.
 """
 
+import errno
 import json
+import os
 
 import h5py
 import numpy as np
@@ -166,6 +168,25 @@ def test_nothing_is_written_over_and_nothing_is_left_behind(result, tmp_path):
     with pytest.raises(SettingsError, match="expected one of csv, gwy, obj"):
         export_result(result, "dxf", tmp_path / "a.dxf")
     assert [one.name for one in tmp_path.iterdir()] == ["a.x3p"]
+
+
+@pytest.mark.parametrize(
+    ("number", "step"),
+    [
+        (errno.EDQUOT, "make room on its disk, or give another name"),
+        (errno.EIO, "give another name"),
+    ],
+)
+def test_a_full_disk_is_told_as_one(result, tmp_path, monkeypatch, number, step):
+    def half(_, path):
+        path.write_bytes(b"half")
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("capslip.output.formats.csv.write", half)
+    with pytest.raises(OutputError) as error:
+        export_result(result, "csv", tmp_path / "a.csv")
+    assert str(error.value) == f"{tmp_path / 'a.csv'}: {os.strerror(number)}; {step}"
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("wrong", ["empty", "batch", "none.h5", "other.h5", "text.h5"])

@@ -92,7 +92,7 @@ def test_renderer_that_dies_leaves_one_line(result, tmp_path, code, said):
     assert said in message
     assert "libgl1" in message
     assert "\n" not in message
-    assert not png.exists()
+    assert png.read_bytes() == b"an older picture"
 
 
 def unwritten(error):
@@ -148,6 +148,31 @@ def test_renderer_that_ends_early_leaves_no_part_of_a_picture(result, tmp_path, 
         time.sleep(0.01)
     rendering.wait(timeout_s=0.1 if "sleep" in rest else 60.0)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "code",
+    ["import sys; sys.exit(1)", UNFINISHED + "; raise OSError", "import time; time.sleep(60)"],
+)
+def test_a_picture_that_is_there_stays_until_another_is_whole(result, tmp_path, code):
+    png = tmp_path / "scene.png"
+    png.write_bytes(b"of yesterday")
+    rendering = start_render(result, png, python(code))
+    assert rendering.wait(timeout_s=0.5 if "sleep" in code else 60.0) is not None
+    assert png.read_bytes() == b"of yesterday"
+    assert list(tmp_path.iterdir()) == [png]
+    drawn = UNFINISHED + "; import os; os.replace(sys.argv[2][:-4] + '.part.png', sys.argv[2])"
+    assert start_render(result, png, python(drawn)).wait() is None
+    assert png.read_bytes() == b""
+
+
+def test_a_renderer_that_waited_leaves_the_picture_that_is_there(result, tmp_path, monkeypatch):
+    monkeypatch.setattr(renderer, "cores", lambda: 2)
+    monkeypatch.setattr(renderer, "RENDER", python("import sys; sys.exit('no GL context')"))
+    (tmp_path / "scene.png").write_bytes(b"of yesterday")
+    with renderer.ready(wanted=True) as waiting:
+        assert "no GL context" in waiting.start(result, tmp_path / "scene.png").wait()
+    assert (tmp_path / "scene.png").read_bytes() == b"of yesterday"
 
 
 def test_renderer_that_hangs_is_ended(result, tmp_path):

@@ -1,9 +1,12 @@
 """The page that shows a result in three dimensions, in a real browser."""
 
 import base64
+import errno
+import os
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -63,6 +66,38 @@ def test_page_is_one_file_that_loads_nothing(page):
 def test_page_into_a_folder_that_is_not_there_is_one_clear_line(folder, tmp_path):
     with pytest.raises(OutputError, match="No such file"):
         write_viewer(folder, tmp_path / "none" / "view.html")
+
+
+@pytest.mark.parametrize(
+    ("number", "step"),
+    [
+        (errno.ENOSPC, "make room on its disk, or give another name"),
+        (errno.EIO, "give another name"),
+    ],
+)
+def test_half_a_page_takes_no_place(folder, tmp_path, monkeypatch, number, step):
+    page, whole = tmp_path / "view.html", Path.write_text
+    page.write_text("of yesterday", "utf-8")
+
+    def half(path, text, encoding):
+        whole(path, text[: len(text) // 2], encoding)
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(Path, "write_text", half)
+    with pytest.raises(OutputError) as error:
+        write_viewer(folder, page)
+    assert str(error.value) == f"{page}: {os.strerror(number)}; {step}"
+    assert page.read_text("utf-8") == "of yesterday"
+    assert list(tmp_path.iterdir()) == [page]
+
+
+def test_a_link_to_a_page_stays_one(folder, tmp_path):
+    (tmp_path / "site").mkdir()
+    link, page = tmp_path / "view.html", tmp_path / "site" / "face.html"
+    link.symlink_to(page)
+    write_viewer(folder, link)
+    assert link.is_symlink()
+    assert page.stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("name", ["face.x3p", "face", "face.html.h5"])

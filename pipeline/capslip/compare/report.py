@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from capslip.compare.comparison import Comparison
+from capslip.disk import way_out, write_whole
 from capslip.errors import OutputError
 from capslip.output.quantity import engineering
 from capslip.output.staging import SUMMARY, read_summary
@@ -74,13 +75,12 @@ def write_comparison(found: Comparison, folder: str | Path) -> None:
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        comparison(found).savefig(folder / "compare.png")
+        write_whole(folder / "compare.png", comparison(found).savefig)
         text = json.dumps(to_dict(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        (folder / "compare.json").write_text(text, encoding="utf-8")
+        write_whole(folder / "compare.json", lambda path: path.write_text(text, encoding="utf-8"))
     except OSError as error:
-        raise OutputError(
-            f"output folder {folder}: {error.strerror}; choose another with --out"
-        ) from error
+        step = way_out(error, "choose another with --out")
+        raise OutputError(f"output folder {folder}: {error.strerror}; {step}") from error
 
 
 def lines(found: Comparison) -> list[str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from capslip import registry
-from capslip.disk import write_whole
+from capslip.disk import way_out, write_whole
 from capslip.errors import OutputError, SettingsError, one_of
 from capslip.output.mesh import grid_mesh
 from capslip.output.view import View, read_view
@@ -93,7 +93,8 @@ def export_result(
     try:
         write_whole(path, lambda unfinished: write(face, unfinished))
     except OSError as error:
-        raise OutputError(f"{path}: {error.strerror or error}; give another name") from error
+        step = way_out(error, "give another name")
+        raise OutputError(f"{path}: {error.strerror or error}; {step}") from error
     return path, _left_out(view)
 
 

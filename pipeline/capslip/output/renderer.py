@@ -24,12 +24,22 @@ def unfinished_of(picture: Path) -> Path:
     return picture.with_suffix(f".part{picture.suffix}")
 
 
+def state_of(picture: Path) -> tuple[int, int] | None:
+    """Return what another picture under the same name has otherwise; None where there is none."""
+    try:
+        found = picture.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
+
+
 @dataclass(frozen=True)
 class Rendering:
     """A picture under way in a process of its own."""
 
     process: "subprocess.Popen[str]"
     picture: Path
+    before: tuple[int, int] | None = None  # state of one that was there, and stays where this fails
 
     def wait(self, timeout_s: float = 60.0) -> str | None:
         """Wait for the picture, at most `timeout_s` from now.
@@ -50,9 +60,8 @@ class Rendering:
         except subprocess.TimeoutExpired:
             self.stop()
             return f"the renderer was not ready after {timeout_s:g} s"
-        if (
-            self.picture.is_file()
-        ):  # renamed when complete: a crash while VTK shuts down does no harm
+        # Renamed when complete: a crash while VTK shuts down does no harm
+        if state_of(self.picture) not in (None, self.before):
             return None
         unfinished_of(self.picture).unlink(missing_ok=True)
         lines = [line.strip() for line in stderr.splitlines() if line.strip()]
@@ -79,11 +88,11 @@ class Ready:
     def start(self, result: Path, picture: Path) -> Rendering:
         """Start to render a result, as `scene.start_render` does."""
         assert self.process.stdin is not None
-        picture.unlink(missing_ok=True)
+        before = state_of(picture)
         with contextlib.suppress(BrokenPipeError):  # it ended, and `wait` says why
             self.process.stdin.write(json.dumps([str(result), str(picture), "{}"]) + "\n")
             self.process.stdin.flush()
-        return Rendering(self.process, picture)
+        return Rendering(self.process, picture, before)
 
 
 @contextmanager

@@ -16,13 +16,21 @@ from pathlib import Path
 
 import numpy as np
 
-from capslip.disk import is_full
+from capslip.disk import way_out
 from capslip.errors import OutputError, one_of
 from capslip.output.canvas import write_png
 from capslip.output.drawing import Drawing, off_screen
 from capslip.output.mesh import FACE_CELLS
 from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
-from capslip.output.renderer import REMEDY, RENDER, UNWRITTEN, WAITS, Rendering, unfinished_of
+from capslip.output.renderer import (
+    REMEDY,
+    RENDER,
+    UNWRITTEN,
+    WAITS,
+    Rendering,
+    state_of,
+    unfinished_of,
+)
 from capslip.output.view import COLOURS, OF_CONTACTS, check_result, read_view, result_file
 from capslip.output.window import Window
 
@@ -45,14 +53,14 @@ def start_render(
     result : path
         `result.h5`, or the folder that holds it.
     picture : path
-        What to make, `.png`, or `.gif` for a turntable; an existing one is removed first.
+        What to make, `.png`, or `.gif` for a turntable; one that is there stays until it is whole.
     command : sequence of str
         The program, called with the two paths and the look.
     look : Look, optional
         What of the result is shown.
     """
     picture = Path(picture)
-    picture.unlink(missing_ok=True)
+    before = state_of(picture)
     process = subprocess.Popen(
         [*command, str(result), str(picture), json.dumps(asdict(look or Look()))],
         stdin=subprocess.DEVNULL,
@@ -61,7 +69,7 @@ def start_render(
         text=True,
         errors="replace",
     )
-    return Rendering(process, picture)
+    return Rendering(process, picture, before)
 
 
 def look_of(colour: str, load: float, force: float | None, mate: bool = False) -> Look:
@@ -91,9 +99,7 @@ def save_picture(result: str | Path, picture: Path, look: Look) -> None:
     try:
         reason = start_render(result_file(result), picture, look=look).wait(timeout_s=300.0)
     except OSError as error:
-        step = (
-            "make room on its disk, or give another one" if is_full(error) else "give another one"
-        )
+        step = way_out(error, "give another one")
         raise OutputError(f"{picture}: {error.strerror}; {step}") from error
     if reason is not None:
         raise OutputError(f"{picture}: {reason}")

@@ -7,12 +7,14 @@ the same as the window, from the same table of zones.
 import base64
 import json
 import math
+import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from capslip.disk import way_out, write_whole
 from capslip.errors import OutputError
 from capslip.output.canvas import height_limits
 from capslip.output.picture import SLIP, STICK, Look
@@ -43,7 +45,7 @@ def write_viewer(result: str | Path, page: Path, look: Look | None = None) -> No
     result : path
         `result.h5`, or the folder that holds it.
     page : path
-        `.html` or `.htm`, replaced where it exists.
+        `.html` or `.htm`; one that is there stays until this one is whole.
     look : Look, optional
         What is shown first.
 
@@ -63,9 +65,11 @@ def write_viewer(result: str | Path, page: Path, look: Look | None = None) -> No
     block = viewer_block(view, look)
     text = environment.from_string(template).render(name=view.name, viewer=block)
     try:
-        page.write_text(text, encoding="utf-8")
+        place = Path(os.path.realpath(page))  # a link stays one
+        write_whole(place, lambda unfinished: unfinished.write_text(text, encoding="utf-8"))
     except OSError as error:
-        raise OutputError(f"{page}: {error.strerror}; give another name") from error
+        step = way_out(error, "give another name")
+        raise OutputError(f"{page}: {error.strerror}; {step}") from error
 
 
 def check_page(result: str | Path, page: Path, look: Look) -> None:
