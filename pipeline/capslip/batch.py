@@ -31,7 +31,7 @@ from capslip.output.staging import (
 )
 from capslip.provenance import UNREAD, Seen, code_sha256, digest_of, is_as_seen, seen_of
 from capslip.settings import Cluster, Settings, checked, load_settings
-from capslip.sources import Scan, find_scans, replaced
+from capslip.sources import Scan, find_scans, replaced, tell_unlisted
 from capslip.surface.readers.faces import load_faces
 from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
 
@@ -167,8 +167,7 @@ def run_batch(
     if skipped:
         say("skipped: " + ", ".join(f"{count} {what}" for what, count in skipped.items()))
     if options.shard is not None:
-        part, parts = options.shard
-        scans = scans[part - 1 :: parts]
+        scans = scans[options.shard[0] - 1 :: options.shard[1]]
     with named(folder):
         _check_folder(folder)
     if options.look == "dry_run":
@@ -273,6 +272,7 @@ class _Run:
         rows = [self.rows.get(scan) or _row(scan, {"status": TO_DO}) for scan in self.scans]
         if self.options.shard is None:
             write_overview(rows, self.folder)
+            tell_unlisted(self.scans, self.folder, self.say)
         return rows
 
 

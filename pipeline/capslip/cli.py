@@ -257,9 +257,8 @@ def batch(
     settings = settings_of(**options)
     above_zero(time_s, "--timeout")
     above_zero(memory_GB, "--memory")
-    most_bytes = (
-        None if memory_GB is None else max(1, int(min(memory_GB, 1e9) * 1e9))
-    )  # 0: no limit
+    # 0 would be no limit
+    most_bytes = None if memory_GB is None else max(1, int(min(memory_GB, 1e9) * 1e9))
     if shard is not None and collect:
         raise SettingsError("--collect: makes the table of all shards; leave out --shard")
     if dry_run and collect:
@@ -291,10 +290,11 @@ def batch(
         lines += ["", f"page       {page}"]
     print_result(rows, "\n".join(lines), as_json, quiet)
     to_do = sum(row["status"] == TO_DO for row in rows)
+    dry, kept = "; nothing was done" * dry_run, "; --retry-failed does them again" * dry_run
     if to_do:
-        say.warn(f"{to_do} of {len(rows)} scans are still to be done")
+        say.warn(f"{to_do} of {len(rows)} scans are still to be done{dry}")
     if failed:
-        say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
+        say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv{kept}")
     if dry_run:
         return
     if failed or to_do:

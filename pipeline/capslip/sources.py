@@ -7,7 +7,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
@@ -16,7 +16,7 @@ from typing import Any
 
 from capslip.errors import NothingToDoError, SettingsError, check_kind, texts_of
 from capslip.leftovers import is_leftover
-from capslip.output.staging import FAILURE, read_json, read_summary, scans_replaced
+from capslip.output.staging import FAILURE, SUMMARY, read_json, read_summary, scans_replaced
 from capslip.provenance import UNREAD, digest_of
 from capslip.settings import Settings, settings_from
 from capslip.surface.heightmap import Origin
@@ -143,6 +143,28 @@ def replaced(scans: Iterable[Scan], folder: Path) -> str | None:
             return f"{first}, which is replaced; see --out"
         return f"{first}, and so on: results of {len(gone)} other scans are replaced; see --out"
     return None
+
+
+def tell_unlisted(scans: Iterable[Scan], folder: Path, say: Callable[[str], None]) -> None:
+    """Say of how many other scans the folder of a batch holds results, which its table leaves out.
+
+    A table lists the scans of one call, and tells it apart from what was there by nothing.
+    """
+    own = {scan.home(folder).name for scan in scans}
+    others = sorted(
+        home.name
+        for home in (folder / "scans").iterdir()
+        if home.name not in own and any((home / name).is_file() for name in (SUMMARY, FAILURE))
+    )
+    if not others:
+        return
+    of = f"another scan ({others[0]})"
+    if len(others) > 1:
+        of = f"{len(others)} other scans ({others[0]} and so on)"
+    say(
+        f"{folder} holds what came of {of}, which batch.csv and index.html do not list; to list "
+        "all, name the sources of all with --collect"
+    )
 
 
 def _other(scan: Scan, folder: Path) -> str | None:

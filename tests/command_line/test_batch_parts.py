@@ -250,6 +250,45 @@ def test_results_of_many_other_scans_give_way_with_one_line(tmp_path):
 
 
 @pytest.mark.usefixtures("here")
+def test_results_that_the_table_leaves_out_are_counted(tmp_path):
+    """Two calls with other scans each: the second table forgets the first ones."""
+    out, told = tmp_path / "out", []
+
+    def done(*sources, **options):
+        told.clear()
+        run_batch(sources, out, SETTINGS, told.append, None, Options(**options), lambda *_: FAILED)
+        with (out / "batch.csv").open(newline="") as file:
+            return [row["scan"] for row in csv.DictReader(file)]
+
+    scans_of(tmp_path / "in", 3)
+    scans = [str(tmp_path / "in" / f"s{i}.h5") for i in range(3)]
+    for i, name in ((1, "summary.json"), (2, "failure.json")):
+        (out / "scans" / f"s{i}").mkdir(parents=True)
+        (out / "scans" / f"s{i}" / name).write_text("{}")
+    (out / "scans" / "empty").mkdir()
+    assert done(scans[0], scans[1]) == ["s0", "s1"]
+    line = f"{out} holds what came of another scan (s2), which batch.csv and index.html do not list"
+    assert told[-1] == f"{line}; to list all, name the sources of all with --collect"
+    assert done(scans[0]) == ["s0"]
+    assert told[-1] == line.replace("another scan (s2)", "2 other scans (s1 and so on)") + (
+        "; to list all, name the sources of all with --collect"
+    )
+    for options in ({"look": "collect"}, {}):
+        assert done(*scans, **options) == ["s0", "s1", "s2"]
+        assert not any("holds what came" in one for one in told)
+    assert done(scans[0], shard=(1, 1)) == ["s0", "s1", "s2"]  # which writes none
+    assert not any("holds what came" in one for one in told)
+
+
+def test_a_dry_run_says_that_nothing_was_done(monkeypatch):
+    ran, _ = ended([TO_DO, FAILED], monkeypatch, "--dry-run")
+    assert ran.stderr.splitlines() == [
+        "warning: 1 of 2 scans are still to be done; nothing was done",
+        "warning: 1 of 2 scans failed; see batch.csv; --retry-failed does them again",
+    ]
+
+
+@pytest.mark.usefixtures("here")
 def test_another_map_of_the_same_file_gives_way_with_a_word(tmp_path):
     sources, out = scans_of(tmp_path / "in", 1), tmp_path / "out"
     there(out, "s0", tmp_path / "in" / "s0.h5", NO_SCAN, dataset="first")
