@@ -197,10 +197,10 @@ def _load(
 @main.command()
 @click.option("--m", type=int, help="Number of G-caps, the higher ones.")
 @click.option("--n", type=int, help="Number of P-caps.")
-@click.option("--radius-G", "radius_g", type=float, metavar="M", help="Radius of a G-cap, in m.")
-@click.option("--radius-P", "radius_p", type=float, metavar="M", help="Radius of a P-cap, in m.")
-@click.option("--h", type=float, metavar="M", help="G-peaks above P-peaks, in m.")
-@click.option("--approach", type=float, metavar="M", help="In place of the preload, in m.")
+@click.option("--radius-G", "radius_g", metavar="20m", help="Of a G-cap; a number is in m.")
+@click.option("--radius-P", "radius_p", metavar="20m", help="Of a P-cap; a number is in m.")
+@click.option("--h", metavar="0.24um", help="G-peaks above P-peaks; a number is in m.")
+@click.option("--approach", metavar="0.25um", help="In place of the preload; a number is in m.")
 @joint_options
 @result_options
 def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:

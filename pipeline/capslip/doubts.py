@@ -57,6 +57,7 @@ OF_A_SCAN = (
     *("reading", "instrument", "conditioning", "mating", "hills", "caps", "families.count"),
     *("families.feature", "contact.alignment", "contact.load_point_m", "run.sensitivity"),
     *("contact.alignment_stiffness_Nm_per_rad", "joint.non_measured"),
+    *("contact.time_limit_s", "contact.solver_tolerance"),
 )
 BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 

@@ -23,6 +23,12 @@ WITH_UNIT: dict[str, SiUnit] = {  # options that need one
     "slip_force": "N",
     "displacement": "m",
 }
+LENGTHS = {  # options that may have one; a number is in m
+    "radius_g": "--radius-G",
+    "radius_p": "--radius-P",
+    "h": "--h",
+    "approach": "--approach",
+}
 SETTING = {  # what an option of an analysis stands for
     "preload": "contact.preload_N",
     "pressure": "contact.nominal_pressure_Pa",
@@ -160,6 +166,9 @@ def settings_of(
             options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
     if options.get("preload") is not None:
         options["preload"] = preload_in_N(options["preload"])
+    for name, told in LENGTHS.items():
+        if options.get(name) is not None:
+            options[name] = number_in_si(options[name], "m", told)
     given = {SETTING[name]: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if isinstance(value, float) and value != value:
@@ -191,10 +200,21 @@ def above_zero(value: float | None, option: str) -> float | None:
 
 def preload_in_N(text: str) -> float:
     """Return a preload in N; a number without a unit is in N."""
+    return number_in_si(text, "N", "--preload")
+
+
+def number_in_si(text: str, unit: SiUnit, option: str) -> float:
+    """Return a number of an option in SI; one without a unit is in that of SI.
+
+    Examples
+    --------
+    >>> number_in_si("240nm", "m", "--h"), number_in_si("2.4e-7", "m", "--h")
+    (2.4e-07, 2.4e-07)
+    """
     try:
         return float(text)
     except ValueError:
-        return in_si(text, "N", "--preload")
+        return in_si(text, unit, option)
 
 
 def _toml(value: Any) -> str:

@@ -164,6 +164,59 @@ def test_given_P_caps_that_do_not_touch_are_told_with_their_depth(h, touches, yi
     assert all(f"they lie {told} below" in one and "approach by 255 nm" in one for one in said)
 
 
+def test_lengths_have_units_as_those_of_other_commands_have():
+    """A number stays one in metres, as in the settings."""
+    load = ("--preload", "460", "--json")
+    plain = json.loads(run(*PAIR, *load).stdout)
+    units = ("--radius-G", "23800mm", "--radius-P", "26.7 m", "--h", "0.24um")
+    for h in ("0.24um", "240nm", "2.4e-4 mm"):
+        ran = run("--m", "5", "--n", "18", *units[:5], h, *load)
+        assert ran.exit_code == 0, ran.output
+        slip = json.loads(ran.stdout)["slip"]
+        for limit in ("limit_G_m", "limit_P_m"):
+            assert slip[limit] == pytest.approx(plain["slip"][limit], rel=1e-12)
+    by_approach = [run(*PAIR, "--approach", one, "--json") for one in ("250nm", "2.5e-7")]
+    (one, other) = (json.loads(ran.stdout)["contact"] for ran in by_approach)
+    assert one == other
+
+
+@pytest.mark.parametrize("given", ["240furlong", "two um", "240nN", "-1nm"])
+@pytest.mark.parametrize("option", ["--radius-G", "--radius-P", "--h", "--approach"])
+def test_a_length_in_no_known_unit_is_named_with_its_option(option, given):
+    ran = run(*PAIR, option, given)
+    assert (ran.exit_code, ran.stderr.count("\n")) == (2, 1)
+    assert f"{option}: got " in ran.stderr
+    assert "its unit, one of" in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("m", "preload", "alone"), [(1, "460", True), (2, "460", False), (1, "1e6", False)]
+)
+def test_one_cap_that_carries_all_is_told_as_for_a_scan(m, preload, alone):
+    """P-caps touch where they lie 240 nm below one G-cap, under the larger load."""
+    families = (
+        "--m",
+        str(m),
+        "--n",
+        "18",
+        *PAIR[4:8],
+        "--h",
+        "50um" if alone or m > 1 else "240nm",
+    )
+    found = json.loads(run(*families, "--preload", preload, "--json").stdout)
+    assert found["contact"]["contacts"] == (m if preload == "460" else 19)
+    said = [one for one in found["problems"] if one["code"] == "one_contact"]
+    assert [one["severity"] for one in said] == ["warning"] * alone
+
+
+def test_limits_of_solutions_that_families_do_not_need_are_told_as_not_used():
+    given = ("--set", "contact.time_limit_s=5", "--set", "contact.solver_tolerance=1e-6")
+    plain, limited = (json.loads(run(*PAIR, *more, "--json").stdout) for more in ((), given))
+    (said,) = [one["message"] for one in limited["problems"] if one["code"] == "settings_ignored"]
+    assert said.startswith("contact.time_limit_s, contact.solver_tolerance are not used")
+    assert limited["slip"] == plain["slip"]
+
+
 def test_families_beside_a_scan_are_refused():
     with pytest.raises(SettingsError, match=r"families\.m: got families together with a scan"):
         capslip.analyze(

@@ -77,6 +77,8 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
     problems = _beside_the_area(found, preload_N, settings.joint.area_m2)
+    if found.count == 1:
+        problems.append(Problem("one_contact", "warning", "one cap carries the whole preload"))
     problems += _of_P(families, found.family[curve.asperity_loads_N(approach_m) > 0.0], approach_m)
     pressure_Pa, yielded_m2, left_m = found.max_pressure_Pa, None, None
     if law is not None and pressure_Pa is not None:
