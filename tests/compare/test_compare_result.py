@@ -349,6 +349,30 @@ def test_monolithic_file_and_points_outside_it(result, tmp_path):
     write_comparison(found, tmp_path / "out")
 
 
+def test_points_without_a_misfit_are_hollow_in_the_picture(result, tmp_path):
+    """One beside the monolithic curve, two beyond gross slip, and one where nothing is lost."""
+    text = "amplitude_nm,loss_factor\n50,0.004\n100,0.006\n200,.01\n1e7,.01\n2e7,.01\n"
+    monolithic = write(tmp_path / "m.csv", "loss_factor,amplitude_nm\n.001,90\n.001,3e7\n")
+    found = compare_result(result[0], write(tmp_path / "a.csv", text), monolithic)
+    assert sum(band.points for band in found.bands) == 2
+    for one, hollow_nm in (
+        (found, [50, 1e7, 2e7]),
+        (replace(found, model_loss_factor=np.array([1e-3, 0.0, 1e-3, np.nan, np.nan])),
+         [50, 100, 1e7, 2e7]),
+        (replace(found, joint_loss_factor=found.measured_loss_factor,
+                 model_loss_factor=np.full(5, 1e-3)), []),
+    ):  # fmt: skip
+        drawn = {line.get_label(): line for line in comparison(one).axes[0].get_lines()}
+        assert drawn["measured, assembly"].get_xdata() == pytest.approx(1e6 * found.amplitude_m)
+        label = f"{len(hollow_nm)} of these, left out of the misfit"
+        assert (label in drawn) == bool(hollow_nm)
+        if hollow_nm:
+            assert drawn[label].get_markerfacecolor() == "white"
+            assert drawn[label].get_xdata() == pytest.approx(1e-3 * np.array(hollow_nm))
+        else:
+            assert not any("left out" in one for one in drawn)
+
+
 def test_a_structure_that_nobody_gave_is_said(surface, tmp_path):
     measured = write(tmp_path / "a.csv", "amplitude_nm,loss_factor\n50,0.004\n100,0.006\n")
     stiff = ("structure.modal_stiffness_N_per_m=2e8", "structure.joint_stiffness_N_per_m=1e8")

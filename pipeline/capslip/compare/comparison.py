@@ -49,6 +49,14 @@ class Comparison:
     curve_plane: np.ndarray
     curve_identified: np.ndarray | None
 
+    @property
+    def left_out(self) -> np.ndarray:
+        """Points (n,) of which there is no misfit: no share of the joints, or no loss of the model.
+
+        The model gives none beyond gross slip, and may lose nothing below it.
+        """
+        return ~(np.isfinite(self.joint_loss_factor) & (self.model_loss_factor > 0.0))
+
 
 def compare_result(
     result: str | Path,

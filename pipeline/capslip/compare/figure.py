@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from capslip.output.canvas import ACCENT, FAMILY_COLOUR, INK, NON_MEASURED, blank
 
 if TYPE_CHECKING:
@@ -27,7 +25,7 @@ def comparison(found: "Comparison") -> "Figure":
         markersize=5,
         label="measured, assembly",
     )
-    left_out = ~np.isfinite(found.joint_loss_factor)
+    left_out = found.left_out
     if left_out.any():
         axes.loglog(
             UM * found.amplitude_m[left_out],
@@ -36,7 +34,7 @@ def comparison(found: "Comparison") -> "Figure":
             markerfacecolor="white",
             markeredgecolor=INK,
             markersize=5,
-            label="of these, left out",
+            label=f"{left_out.sum()} of these, left out of the misfit",
         )
     has_intrinsic = bool((intrinsic > 0).any())
     added = "intrinsic + " if has_intrinsic else ""
