@@ -72,7 +72,7 @@ def analyze(
     Several scans are patches of one joint of --area: one answer for it, with their scatter.
     """
     from capslip.analysis import analyze as run
-    from capslip.contact.rung import rung
+    from capslip.output.export import check_export
     from capslip.output.renderer import ready
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
@@ -84,12 +84,8 @@ def analyze(
             raise SettingsError(f"--mate: got {len(surfaces)} scans; expected one with it")
         _analyze_scans(surfaces, settings, export, out, as_json, quiet, options["verbose"])
         return
-    model = settings.contact.model
-    if export is not None and model != "auto" and rung(model).made_from == "nothing":
-        raise SettingsError(
-            f"--export {export}: contact.model is {settings.contact.model}, which slips only as a "
-            "whole; expected a model with caps; take one slider with the force at gross slip"
-        )
+    if export is not None:
+        check_export(export, settings)
     folder = out if out is not None else Path("results") / surface.stem
     if os.path.isfile(surface):  # otherwise the reader says what is wrong with it
         check_folder(folder, keep=(surface, mate))

@@ -200,6 +200,18 @@ def test_an_export_that_cannot_be_is_refused_before_the_work(face, tmp_path):
     assert not out.exists()
 
 
+def test_a_law_of_a_load_that_oscillates_is_refused_before_the_work(face, tmp_path):
+    out = tmp_path / "out"
+    oscillates = ("--set", "slip.normal_amplitude_ratio=0.1")
+    ran = run("analyze", face, *oscillates, "--export", "law", "-o", out)
+    assert ran.exit_code == 2
+    assert ran.stderr.splitlines() == [
+        "error: --export law: it is a law under a constant pressure; expected "
+        "slip.normal_amplitude_ratio = 0"
+    ]
+    assert not out.exists()
+
+
 def test_a_failed_analysis_is_written_and_ends_with_code_3(face, tmp_path):
     out = tmp_path / "out"
     more = ("--preload", "1e9", "--set", "material.hardness_Pa=1e9")  # more than all of it bears

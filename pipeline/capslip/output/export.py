@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from capslip import registry
+from capslip.contact.rung import rung
 from capslip.contact.solvers.unloading import SMALL_SLIP
 from capslip.errors import SettingsError, one_of
 from capslip.problems import Problem
@@ -16,6 +17,7 @@ from capslip.units import percent
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
+    from capslip.settings import Settings
     from capslip.structure.jenkins import JenkinsElements
 
 FOLDER = "output.exports"
@@ -28,6 +30,8 @@ class Export:
     files: tuple[str, ...]  # in the folder of the result
     # Of one scan or of several; returns what makes the files less good than was asked for
     write: Callable[["JointResult", Path], tuple[Problem, ...]]
+    # By which settings it cannot be, whatever the scan; None where they allow it
+    ruled_out: Callable[["Settings"], str | None] = lambda _: None
 
 
 def export_named(name: str) -> Export:
@@ -36,6 +40,24 @@ def export_named(name: str) -> Export:
     if name not in known:
         raise SettingsError(f"export: got {name}; {one_of(known, name)}")
     return cast(Export, registry.entry(FOLDER, name).EXPORT)
+
+
+def check_export(name: str, settings: "Settings") -> None:
+    """Refuse, before the work, an export that settings rule out.
+
+    Raises
+    ------
+    SettingsError
+        If the model slips only as a whole, or nothing is of that name.
+    """
+    model, reason = settings.contact.model, export_named(name).ruled_out(settings)
+    if reason is not None:
+        raise SettingsError(f"--export {name}: {reason}")
+    if model != "auto" and rung(model).made_from == "nothing":
+        raise SettingsError(
+            f"--export {name}: contact.model is {model}, which slips only as a whole; expected a "
+            "model with caps; take one slider with the force at gross slip"
+        )
 
 
 def inexact(

@@ -26,6 +26,7 @@ from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law,
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
+    from capslip.settings import Settings
 
 SCHEMA = "capslip/law/1"
 UNITS = {
@@ -87,10 +88,8 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     """
     if not result.parts:
         raise ContactError("it needs a slip curve, which this analysis does not have")
-    if result.settings.slip.normal_amplitude_ratio > 0.0:
-        raise ContactError(
-            "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
-        )
+    if (reason := _ruled_out(result.settings)) is not None:
+        raise ContactError(reason)
 
     def holds(factor: float) -> bool:
         return all(_holds(scan, factor) for scan in _scans(result))
@@ -106,6 +105,12 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
         found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
     write_law(found, folder, result.name, result.status, doubts, least)
     return problems
+
+
+def _ruled_out(settings: "Settings") -> str | None:
+    if settings.slip.normal_amplitude_ratio == 0.0:
+        return None
+    return "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
 
 
 def _inexact(found: Law, tolerance: float) -> tuple[Problem, ...]:
@@ -438,4 +443,4 @@ def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
             file.create_dataset(f"sliders/{name}", data=column).attrs["unit"] = UNITS[name]
 
 
-EXPORT = Export((*FILES, *DECKS.values()), write)
+EXPORT = Export((*FILES, *DECKS.values()), write, _ruled_out)
