@@ -9,9 +9,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip import analyze, load_settings
-from capslip.contact import map_accuracy
+from capslip.contact import map_accuracy, map_curve
 from capslip.contact.models import boundary_elements as model
-from capslip.contact.solvers import polonsky_keer, rough_inverse, solutions, steps, unloading
+from capslip.contact.solvers import path, polonsky_keer, rough_inverse, solutions, steps, unloading
 from capslip.contact.solvers.closing import GivenLoad, GivenResultant
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.tilting import press_balanced
@@ -157,6 +157,75 @@ def test_loads_end_with_their_time(monkeypatch, limit_s):
 def test_a_clock_that_has_not_moved_is_no_failure(monkeypatch):
     working(monkeypatch, 0.0, 0.0)
     assert not followed(10.0).cut_short
+
+
+def test_the_load_at_an_approach_is_sought_within_one_limit(monkeypatch):
+    """With a spring in series it takes several solutions, each of which had the whole limit."""
+    found = model.boundary_elements(wavy(), E)
+    soft = replace(found, compliance_m_per_N=2.0 / float(found.stiffness_N_per_m(4e-7)))
+
+    def searched(limit_s):
+        clock = Ticking(1.0)
+        for room in (polonsky_keer, map_curve, solutions):
+            monkeypatch.setattr(room, "thread_time", clock)
+        fresh = solutions.Solutions(found.solutions.face, 1e-7, limit_s)
+        curve = replace(soft, solutions=fresh)
+        try:
+            load_N = float(curve.load_N(1e-6))
+            return load_N, clock.looks, curve.solutions
+        except OutOfTimeError as error:
+            return str(error), clock.looks, curve.solutions
+
+    load_N, took_s, free = searched(np.inf)
+    assert free.spent_s[load_N] == pytest.approx(took_s, abs=2.0)
+    assert len(free.approach_m) > 2  # solutions, none of which takes half of it
+    said, ended_s, _ = searched(0.7 * took_s)
+    assert "contact.time_limit_s was over; allow more" in said
+    assert ended_s <= 0.7 * took_s + 3.0
+    assert searched(1.5 * took_s)[0] == load_N
+    assert searched(1e-9)[1] < 0.5 * took_s  # the first has some seconds, and no other begins
+
+
+@pytest.mark.parametrize("shares", [(), (0.2, 0.5)])
+@pytest.mark.parametrize("refined", [False, True])
+def test_a_load_below_a_preload_is_given_up_when_its_time_is_over(shares, refined, monkeypatch):
+    """They ran without end, however small the limit was."""
+    face = elastic_face(wavy(), E)
+    pressed = press(face, load_N=LOAD_N)
+    path_of, clock = unloading.Path.__init__, Ticking(2.0)
+
+    def ready(self, *given):
+        path_of(self, *given)
+        if not refined:  # the way to the first load takes none of the time
+            self.until_s, clock.looks = 12.0, 0
+            for room in (polonsky_keer, path):
+                monkeypatch.setattr(room, "thread_time", clock)
+
+    monkeypatch.setattr(unloading.Path, "__init__", ready)
+    if refined:
+        for room in (polonsky_keer, path):
+            monkeypatch.setattr(room, "thread_time", clock)
+        monkeypatch.setattr(path, "refinement", lambda *_: 2)
+    with pytest.raises(OutOfTimeError, match="was over; allow more"):
+        unloading.unload(face, pressed, 1e-9, give_up_s=-1e9, force_shares=shares)
+    assert clock.looks * 2.0 <= 12.0 + 5.0 + 4.0
+
+
+def test_loads_that_were_solved_before_the_time_was_over_are_kept(monkeypatch):
+    free, solve, solved = followed(np.inf), unloading.Path.solve, []
+
+    def late(self, odd):
+        if len(self.nodes) > 10:
+            raise OutOfTimeError("late")
+        solved.append(odd)
+        return solve(self, odd)
+
+    monkeypatch.setattr(unloading.Path, "solve", late)
+    found = followed(np.inf)
+    assert found.cut_short
+    assert not free.cut_short
+    assert len(found.solved_load_N) - 1 == len(solved) == 11
+    assert len(free.solved_load_N) > 12
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -355,8 +356,11 @@ class BoundaryElementCurve:
         return self._each(approach_m, load_drop_N, loss)
 
     def _load_at(self, approach_m: float) -> float:
-        """Return N(d), from y + c N(y) = d with the approach y of the face alone."""
-        c = self.compliance_m_per_N
+        """Return N(d), from y + c N(y) = d with the approach y of the face alone.
+
+        All its solutions share one time limit, which counts for the load that is found.
+        """
+        c, begun_s = self.compliance_m_per_N, thread_time()
         if approach_m <= 0:
             return 0.0
         for load_N, level_m in self.solutions.approach_m.items():
@@ -364,12 +368,13 @@ class BoundaryElementCurve:
                 return load_N
         level_m, before, slope = approach_m, None, 0.0
         for _ in range(50):
-            pressed = self.solutions.press_to(level_m)
+            pressed = self.solutions.press_to(level_m, thread_time() - begun_s)
             excess_m = level_m + c * pressed.load_N - approach_m
             # What comes no nearer is as near as the solver tells
             told_m = self.solutions.tolerance * pressed.approach_m
             no_nearer = before is not None and abs(before[1]) <= abs(excess_m) <= told_m
             if abs(excess_m) <= 1e-9 * approach_m or no_nearer:
+                self.solutions.count(pressed.load_N, thread_time() - begun_s)
                 return pressed.load_N
             if before is None:  # that of the pixels is near enough, and costs one solution
                 stiffness = self._stiffness_of_pixels(pressed.load_N)

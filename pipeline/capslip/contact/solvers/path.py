@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from time import thread_time
 
 import numpy as np
 
@@ -62,11 +63,12 @@ class Path:
         punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
         around: PatchedFace | None = None,  # from `around_contact`, where it is known
         most: float = math.inf,  # points along the longer side of a pixel
+        until_s: float = math.inf,  # of `thread_time`, when a solution is given up
     ) -> None:
         region = pressed.region
-        self.map, self.map_pressed, self.patches = face, pressed, None
+        self.map, self.map_pressed, self.patches, self.until_s = face, pressed, None, until_s
         if on_patches:
-            self.patches, face, pressed, region = _on_patches(face, pressed, around, most)
+            self.patches, face, pressed, region = _on_patches(face, pressed, around, most, until_s)
         at = np.flatnonzero(pressed.pressure_Pa)
         pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
         # Gaps that are left are taken for heights: of a face all but the same the state is exact,
@@ -132,7 +134,14 @@ class Path:
         """
         points, face = self._fewer(load_N)
         if face is not self.face:
-            state = press(face, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa[points])
+            left_s, begin_Pa = self.until_s - thread_time(), start_Pa[points]
+            state = press(
+                face,
+                load_N=load_N,
+                tolerance=tolerance,
+                start_Pa=begin_Pa,
+                time_limit_s=left_s,
+            )
             start_Pa = np.zeros(self.n_points)
             start_Pa[points] = state.pressure_Pa
             gap_m = self.face.half_space.sinking_m(start_Pa) + self.face.depth_m
@@ -141,7 +150,14 @@ class Path:
             out[points] = False
             if np.min(gap_m, where=out, initial=np.inf) > -tolerance * state.approach_m:
                 return replace(state, pressure_Pa=start_Pa, gap_m=gap_m)
-        return press(self.face, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
+        left_s = self.until_s - thread_time()
+        return press(
+            self.face,
+            load_N=load_N,
+            tolerance=tolerance,
+            start_Pa=start_Pa,
+            time_limit_s=left_s,
+        )
 
     def _fewer(self, load_N: float) -> tuple[np.ndarray, PatchedFace]:
         """Return the points to solve on, and their face."""
@@ -258,7 +274,11 @@ class Path:
 
 
 def _on_patches(
-    face: ElasticFace, pressed: Pressed, around: PatchedFace | None, most: float
+    face: ElasticFace,
+    pressed: Pressed,
+    around: PatchedFace | None,
+    most: float,
+    until_s: float,
 ) -> tuple[PatchedFace | None, ElasticFace, Pressed, np.ndarray]:
     """Return patches around the contact, and face, state and regions under the preload on them.
 
@@ -273,7 +293,7 @@ def _on_patches(
     while patches is not None:
         begin_Pa = patches.gathered(near_Pa)
         for tolerance in (_OFF,) if patches.refinement == 1 else (_TRIED, _OFF):
-            turned, state = _state_on(patches, pressed, tolerance, begin_Pa)
+            turned, state = _state_on(patches, pressed, tolerance, begin_Pa, until_s)
             begin_Pa, ends = state.pressure_Pa, _at_ends(patches, state)
             if len(ends):
                 break
@@ -314,17 +334,19 @@ def _with(contact: np.ndarray, ends: np.ndarray, pixels: int) -> np.ndarray:
 
 
 def _state_on(
-    patches: PatchedFace, pressed: Pressed, tolerance: float, start_Pa: np.ndarray
+    patches: PatchedFace, pressed: Pressed, tolerance: float, start_Pa: np.ndarray, until_s: float
 ) -> tuple[ElasticFace, Pressed]:
     """Return the patches and their state under the preload.
 
     A face in balance turns once more where it is refined: contacts that end at the edge of the map
     reach half a pixel further, and bear more.
     """
-    load_N = pressed.load_N
+    load_N, left_s = pressed.load_N, until_s - thread_time()
     if pressed.turns and patches.refinement > 1:
-        return press_about(patches, load_N, pressed.resultant_m, tolerance, start_Pa)
-    return patches, press(patches, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
+        return press_about(patches, load_N, pressed.resultant_m, tolerance, start_Pa, left_s)
+    return patches, press(
+        patches, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa, time_limit_s=left_s
+    )
 
 
 def _regions(patches: PatchedFace, pressed: Pressed) -> np.ndarray:

@@ -18,6 +18,7 @@ from capslip.contact.solvers.polonsky_keer import (
 )
 from capslip.contact.solvers.starts import Known, start_Pa
 from capslip.contact.solvers.unloading import Unloading, unload
+from capslip.errors import OutOfTimeError
 
 _SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
 _ROUGHLY = 1e-4  # tolerance of tractions
@@ -54,7 +55,11 @@ class Solutions:
         try:
             yield
         finally:
-            self.spent_s[load_N] = self.spent_s.get(load_N, 0.0) + thread_time() - begun_s
+            self.count(load_N, thread_time() - begun_s)
+
+    def count(self, load_N: float, seconds: float) -> None:
+        """Count seconds of the processor as spent for a preload."""
+        self.spent_s[load_N] = self.spent_s.get(load_N, 0.0) + seconds
 
     def press(self, load_N: float) -> Pressed:
         """Return the state under a load, solved from a neighbouring one where there is one."""
@@ -94,7 +99,13 @@ class Solutions:
             end = Known(pressed.approach_m, np.zeros(face.shape))
             total_Pa = later * load_N / face.pixel_area_m2
             begin_Pa = start_Pa(total_Pa, face.gathered(punch), above, end)
-            left = press(face, load_N=later * load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
+            left = press(
+                face,
+                load_N=later * load_N,
+                tolerance=_ROUGHLY,
+                start_Pa=begin_Pa,
+                time_limit_s=self.left_s(load_N),
+            )
         return punch, np.maximum(pressed.pressure_Pa - face.spread(left.pressure_Pa), 0.0)
 
     def _on_contact(self, pressed: Pressed, single: bool) -> tuple[PatchedFace, Pressed]:
@@ -110,9 +121,22 @@ class Solutions:
             self.around, self.alone = (pressed, around), (pressed, face, on_face)
         return face, on_face
 
-    def press_to(self, approach_m: float) -> Pressed:
-        """Return the state at an approach."""
-        limit_s, tolerance = self.time_limit_s, self.tolerance
+    def press_to(self, approach_m: float, spent_s: float) -> Pressed:
+        """Return the state at an approach, after some seconds of the time limit are spent on it.
+
+        Raises
+        ------
+        OutOfTimeError
+            If the limit is over.
+        """
+        limit_s, tolerance = self.time_limit_s - spent_s, self.tolerance
+        if (
+            spent_s > 0.0 and limit_s <= 0.0
+        ):  # any solution has some seconds, however many there are
+            raise OutOfTimeError(
+                f"{self.face.name}: no load found at an approach of {approach_m:g} m when "
+                "contact.time_limit_s was over; allow more, or coarsen the map"
+            )
         return self.keep(
             press(self.face, approach_m=approach_m, tolerance=tolerance, time_limit_s=limit_s)
         )
@@ -130,6 +154,7 @@ class Solutions:
                     pressed,
                     self.tolerance,
                     time_limit_s=half_s,
+                    give_up_s=2.0 * half_s,
                     punch_Pa_per_m=self.punch_Pa_per_m.get(load_N),
                     around=around if known is pressed else None,
                     force_shares=self.force_shares,

@@ -140,6 +140,7 @@ def press_about(
     resultant_m: tuple[float, float],
     tolerance: float,
     start_Pa: np.ndarray,
+    time_limit_s: float = np.inf,
 ) -> tuple[ElasticFace, Pressed]:
     """Turn a face, from a state near balance, until its pressures have their resultant at a place.
 
@@ -151,7 +152,7 @@ def press_about(
         The load.
     resultant_m : (float, float)
         The place, (x, y) in the map.
-    tolerance, start_Pa
+    tolerance, start_Pa, time_limit_s
         As in `press`.
 
     Returns
@@ -165,7 +166,7 @@ def press_about(
         If no solution is found.
     """
     closing = GivenResultant(load_N / face.pixel_area_m2, face.places_m, resultant_m)
-    state, iterations = solve(face, closing, tolerance, start_Pa)
+    state, iterations = solve(face, closing, tolerance, start_Pa, end_s(time_limit_s))
     return face.tilted(state.tilt_rad), certified(face, state, load_N, iterations)
 
 

@@ -21,7 +21,7 @@ from capslip.contact.solvers.noise import loss_noise_per_m
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.path import CLOSEST, Node, Path
 from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
-from capslip.errors import ContactError
+from capslip.errors import ContactError, OutOfTimeError
 from capslip.waiting import Waiting
 
 # Of the preload, and so of mu N: forces below are not what a joint is asked for, and the loss there
@@ -94,6 +94,7 @@ def unload(
     tolerance: float,
     *,
     time_limit_s: float = math.inf,
+    give_up_s: float = math.inf,
     on_patches: bool = True,
     punch_Pa_per_m: np.ndarray | None = None,
     around: PatchedFace | None = None,
@@ -129,6 +130,9 @@ def unload(
     time_limit_s : float
         Of the processor: where all the loads are expected to take longer, as many as there is time
         for, at least `_FEWEST`; the error to be expected between them is that of so few.
+    give_up_s : float
+        Of the processor: a solution that is not found by then is given up. One of the first
+        loads that is leaves no slip; a later one ends the loads.
     on_patches : bool
         Whether to leave out what does not touch; else every solution is one of the whole map.
     punch_Pa_per_m : float64, shape (ny, nx), optional
@@ -149,20 +153,25 @@ def unload(
     """
     begin_s = thread_time()
     if force_shares:
-        path, error = path_at(face, pressed, tolerance, force_shares, punch_Pa_per_m, around)
+        until_s, known = begin_s + give_up_s, (punch_Pa_per_m, around)
+        path, error = path_at(
+            face, pressed, tolerance, force_shares, *known, math.inf, until_s=until_s
+        )
         _refuse_few(path)
         return replace(_tabulated(path, cut_short=False), patch_error=error)
-    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
+    given = (punch_Pa_per_m, around, math.inf, begin_s + give_up_s)
+    path = Path(face, pressed, tolerance, on_patches, *given)
     _refuse_few(path)
     cut_short = _followed(path, begin_s, time_limit_s, as_pixels)
     error = path.patch_error()
     if not error <= PATCH_ERROR:  # not seen yet
-        left_s = max(time_limit_s - (thread_time() - begin_s), 0.0)
+        spent_s = thread_time() - begin_s
         return unload(
             face,
             pressed,
             tolerance,
-            time_limit_s=left_s,
+            time_limit_s=max(time_limit_s - spent_s, 0.0),
+            give_up_s=max(give_up_s - spent_s, 0.0),
             on_patches=False,
             as_pixels=as_pixels,
         )
@@ -190,14 +199,16 @@ def path_at(
     punch_Pa_per_m: np.ndarray | None = None,
     around: PatchedFace | None = None,
     most: float = math.inf,
+    until_s: float = math.inf,
 ) -> tuple[Path, float]:
     """Return the solutions where shares of the load are gone, growing, and the patches' error.
 
     On the map itself where that would be too great. Parameters are those of `unload`, and the most
-    points that a refinement may put along the longer side of a pixel.
+    points that a refinement may put along the longer side of a pixel; and when, by `thread_time`, a
+    solution is given up.
     """
     for on_patches, known in ((True, (punch_Pa_per_m, around)), (False, (None, None))):
-        path = Path(face, pressed, tolerance, on_patches, *known, most)
+        path = Path(face, pressed, tolerance, on_patches, *known, most, until_s)
         for share in shares:
             path.at(share)
         error = path.patch_error()
@@ -230,7 +241,10 @@ def _followed(path: Path, begin_s: float, time_limit_s: float, as_pixels: bool) 
         worst, now_s = max(wide or intervals), thread_time()
         if now_s - begin_s + (now_s - ready_s) / len(path.nodes) > time_limit_s:
             return True
-        path.solve((worst.low + worst.high) / 2)
+        try:
+            path.solve((worst.low + worst.high) / 2)
+        except OutOfTimeError:  # those that are there have their error
+            return True
     return False
 
 
