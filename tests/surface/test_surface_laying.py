@@ -38,10 +38,11 @@ def face_of(height_m, shape, pixel_m):
         ((5e-5, -8e-5), np.radians(30.0), 1.0),
         ((0.0, 0.0), 0.0, 1.3),
         ((0.0, 0.0), 0.0, 2.0),
+        ((0.0, 0.0), 0.0, 2.5),
     ],
 )
 def test_a_second_face_keeps_its_crests_between_its_points(offset_m, rotation_rad, pixel):
-    """Straight lines took 5 to 13 % of the rms of these waves, wherever pixels did not meet."""
+    """Straight lines took 5 to 13 % of the rms of these waves, a cubic one up to 2.6 %."""
     first = HeightMap(np.zeros(SHAPE), (D_M, D_M))
     second = face_of(waves_m, [round(1.6 * n / pixel) for n in SHAPE], pixel * D_M)
     laid = place(first, second, offset_m=offset_m, rotation_rad=rotation_rad)
@@ -56,15 +57,15 @@ def test_a_second_face_keeps_its_crests_between_its_points(offset_m, rotation_ra
         face_of(true_m, SHAPE, D_M), first, place(first, first)
     )  # levelled alike
     error_m = (both.height_m - expected.height_m)[4:-4, 4:-4]
-    assert error_m.std() < (0.01 if pixel < 2.0 else 0.03) * 1e-6
+    assert error_m.std() < {2.0: 0.002, 2.5: 0.01}.get(pixel, 0.0005) * 1e-6
 
 
 def test_a_spline_goes_through_the_points_as_that_of_scipy_in_all_blocks():
     z = np.random.default_rng(0).standard_normal((400, 500))
     turn = np.array([[0.9, 0.3], [-0.3, 0.9]])
     found = smooth_between(z, turn, np.array([20.3, 140.1]), (400, 500))
-    expected = ndimage.affine_transform(z, turn, (20.3, 140.1), cval=np.nan)
-    inside = ndimage.affine_transform(np.pad(np.ones((380, 480)), 10), turn, (20.3, 140.1), order=1)
+    expected = ndimage.affine_transform(z, turn, (20.3, 140.1), order=5, cval=np.nan)
+    inside = ndimage.affine_transform(np.pad(np.ones((360, 460)), 20), turn, (20.3, 140.1), order=1)
     there = inside == 1.0
     assert there.sum() > 1e5
     np.testing.assert_allclose(found[there], expected[there], atol=1e-5)
@@ -148,4 +149,4 @@ def test_noise_left_on_more_points_is_that_of_the_same_map_turned():
     places = np.arange(40)[:, None] * 0.75 - 0.125, np.arange(44.0)[None]
     left = noise_left(places, (0.0, 0.0))
     assert rows.noise_m == pytest.approx(1e-9 * left, rel=1e-12)
-    assert 0.7 < left < 0.95
+    assert 0.7 < left < 0.97

@@ -1,16 +1,16 @@
-"""Heights of a map at the points of another grid, by a cubic spline or straight lines."""
+"""Heights of a map at the points of another grid, by a quintic spline or straight lines."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import noise_left, noise_of_map_m
+from capslip.surface.noise import SPLINE_DEGREE, noise_left, noise_of_map_m
 from capslip.surface.rows import row_blocks
 
 LEAST_MEASURED = 0.5
 WHOLE_PIXELS = 1e-9
-FILLED_RINGS = 8  # of points not measured: of what lies beyond, 0.27^8 reaches a spline
+FILLED_RINGS = 16  # of points not measured: of what lies beyond, 0.43^16 reaches a spline
 FAR_FROM_STRAIGHT = 6.0  # rms of noise: white noise does not bend a spline so far
 
 
@@ -57,9 +57,10 @@ def straight_between(
 def smooth_between(
     height_m: np.ndarray, matrix: np.ndarray, offset: np.ndarray, shape: tuple[int, int]
 ) -> np.ndarray:
-    """Interpolate heights by a cubic spline.
+    """Interpolate heights by a quintic spline.
 
     A straight line between two points cuts off the crest between them, and contacts are on crests.
+    A cubic spline still misses 9 % of a wave of three points, this one 2 %.
 
     Parameters as of `straight_between`.
 
@@ -68,7 +69,7 @@ def smooth_between(
     float64, of that shape
         NaN where `straight_between` has them. Points that are not measured are filled first, from
         those around them, and the spline goes on beyond the outermost points as high as they are.
-        Beside a step, where it overshoots by a tenth of the step, it is held between the straight
+        Beside a step, where it overshoots by an eighth of the step, it is held between the straight
         line and what the points on either side lead to.
     """
     if on_points(matrix, offset):
@@ -78,14 +79,14 @@ def smooth_between(
     measured = (~np.isnan(height_m)).view(np.uint8)
     far_m = FAR_FROM_STRAIGHT * noise_of_map_m(height_m)
     filled_m = _filled(np.pad(height_m, FILLED_RINGS, constant_values=np.nan))
-    spline_m = spline_filter(filled_m, 3, mode="mirror")
+    spline_m = spline_filter(filled_m, SPLINE_DEGREE, mode="mirror")
     laid_m = np.empty(shape)
     for rows in row_blocks(shape):
         first = offset + matrix[:, 0] * rows.start
         grid = {"matrix": matrix, "output_shape": (rows.stop - rows.start, shape[1])}
         within = {**grid, "offset": first + FILLED_RINGS, "mode": "nearest"}
         straight_m = affine_transform(filled_m, **within, order=1)
-        some_m = affine_transform(spline_m, **within, order=3, prefilter=False)
+        some_m = affine_transform(spline_m, **within, order=SPLINE_DEGREE, prefilter=False)
         weight = affine_transform(
             measured, **grid, offset=first, order=1, mode="grid-constant", output=np.float64
         )

@@ -165,8 +165,8 @@ def composite_surface(
     HeightMap
         On the first face as it lies, its plane taken off, and on pixels as small as those of the
         second along each axis where these are smaller; points where one face is missing are
-        non-measured. Between points a cubic spline goes, of the second face after a Gaussian with a
-        nesting index of two pixels where its own are finer still, as of one that covers little.
+        non-measured. Between points a quintic spline goes, of the second face after a Gaussian with
+        a nesting index of two pixels where its own are finer still, as of one that covers little.
 
     Raises
     ------

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
 SAMPLES = 60_000  # of the whole map: enough for the median
-SPLINE_REACH = 30  # coefficients beyond are below 1e-17
+SPLINE_DEGREE = 5  # by which maps are laid on other points
+SPLINE_REACH = 48  # coefficients beyond are below 1e-16
 SHARES = 1025  # of a pixel, between which what is left is interpolated: off by less than 1e-6
 ENOUGH = 100  # differences between neighbours, of which a median says something
 
@@ -93,11 +94,12 @@ def white_noise_of_scans_m(noise_m: np.ndarray, here: np.ndarray) -> float | Non
 
 
 def noise_left(place: Iterable[np.ndarray], nesting_index: Iterable[float]) -> float:
-    """Return the rms left of white noise of rms 1 that is smoothed, then laid along a cubic spline.
+    """Return the rms left of white noise of rms 1 that is smoothed, then laid along a spline.
 
-    Weights w of a sum leave the root of sum w^2. The spline through heights is a sum of B-splines,
-    whose coefficients are the heights convolved with sqrt(3) (sqrt(3) - 2)^|k| (Unser,
-    IEEE Signal Processing Magazine 16 (1999) 22): at a place it weighs four of them.
+    Weights w of a sum leave the root of sum w^2. The quintic spline through heights is a sum of
+    B-splines, whose coefficients are the heights convolved with the inverse of what the B-splines
+    are at whole pixels (Unser, IEEE Signal Processing Magazine 16 (1999) 22): at a place it weighs
+    six of them.
 
     Parameters
     ----------
@@ -112,30 +114,42 @@ def noise_left(place: Iterable[np.ndarray], nesting_index: Iterable[float]) -> f
     >>> round(noise_left((points, points), (0.0, 0.0)), 12)
     1.0
     >>> round(noise_left((middles, middles), (0.0, 0.0)), 3)  # a mean of the four leaves 0.5
-    0.756
+    0.836
     """
-    k = np.arange(-SPLINE_REACH, SPLINE_REACH + 1)
-    coefficient = math.sqrt(3.0) * (math.sqrt(3.0) - 2.0) ** np.abs(k)
-    between = np.linspace(0.0, 1.0, SHARES)
-    beyond = 1.0 - between
-    of_four = (
-        *(beyond**3 / 6.0, 2.0 / 3.0 - between**2 * (1.0 - between / 2.0)),
-        *(2.0 / 3.0 - beyond**2 * (1.0 - beyond / 2.0), between**3 / 6.0),
-    )
+    coefficient, between = _coefficients(), np.linspace(0.0, 1.0, SHARES)
+    of_six = [_b_spline(between + 2.0 - n) for n in range(6)]
     left = np.ones(1)
     for at, index in zip(place, nesting_index, strict=True):
         sigma = SIGMA_PER_NESTING_INDEX * index
         reach = math.ceil(REACH_SIGMA * sigma) + 1
         weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
         weight = np.convolve(weight / weight.sum(), coefficient)
-        shared = [weight[n:] @ weight[: weight.size - n] for n in range(4)]
+        shared = [weight[n:] @ weight[: weight.size - n] for n in range(6)]
         square = sum(
             one * other * shared[abs(i - j)]
-            for i, one in enumerate(of_four)
-            for j, other in enumerate(of_four)
+            for i, one in enumerate(of_six)
+            for j, other in enumerate(of_six)
         )
         left = left * np.interp(at - np.floor(at), between, square)
     return round(math.sqrt(left.mean()), 12)  # of whole pixels all, exactly
+
+
+def _coefficients() -> np.ndarray:
+    """Return the coefficients of the spline through a single height, by their Fourier series."""
+    n = 4 * SPLINE_REACH
+    turn = 2.0 * np.pi * np.arange(n // 2 + 1) / n
+    at_pixels = (66.0 + 52.0 * np.cos(turn) + 2.0 * np.cos(2.0 * turn)) / 120.0
+    around: np.ndarray = np.fft.irfft(1.0 / at_pixels, n)
+    return np.roll(around, SPLINE_REACH)[: 2 * SPLINE_REACH + 1]
+
+
+def _b_spline(x: np.ndarray) -> np.ndarray:
+    """Return the B-spline of the fifth degree about zero."""
+    far = np.abs(x)
+    found: np.ndarray = sum(
+        (-1) ** k * math.comb(6, k) * np.maximum(3.0 - k - far, 0.0) ** 5 for k in range(3)
+    )
+    return found / 120.0
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
