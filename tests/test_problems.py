@@ -239,6 +239,8 @@ FACES = {
         [(x / 2, y / 2, R, 2 * z) for x, y, R, z in CAPS], SHAPE, (2e-4, 2e-4), floor_m=-8e-7
     ),
     "short-waves": lambda: of(2e-7 * waves(2.5)),
+    "every-other-wave": lambda: of(1e-7 * waves(1.0)[::2, ::2], (2.0 * PIXEL_M, 2.0 * PIXEL_M)),
+    "every-wave": lambda: of(1e-7 * waves(1.0)),
     "longer-waves": lambda: of(2e-7 * waves(3.5)),
     "noisy-waves": lambda: of(2e-7 * waves(8.0) + 4e-9 * white()),
     "pimples": pimples,
@@ -351,6 +353,8 @@ ROWS = [
     Row("mating_unrelated", "warning", "match by 0", "pattern+another-pattern by-place",
         "pattern+its-counterpart by-place"),
     Row("mating_overlap", "warning", "on 31 % of the first", "plain+plain aside", "plain+plain"),
+    Row("mate_coarse", "warning", "between points 0.0008 m apart",
+        "longer-waves+every-other-wave solved strictly", "longer-waves+every-wave solved strictly"),
     Row("tilt_left", "warning", "tilted by 7.67e-08 m", "tilted as-it-lay levelled",
         "tilted levelled"),
     Row("tilt_left", "info", "moves the stiffness by", "tilted as-it-lay levelled loosely",

@@ -354,6 +354,7 @@ ARGUMENTS = [  # the name of one, what takes it, and what it is not
     ("rounding", lambda one: map_with(rounding=one), but(type(None))),
     ("faces", lambda one: map_with(faces=one), but(int)),
     ("noise_scans", lambda one: map_with(noise_scans=one), but(int, float, type(None))),
+    ("between", lambda one: map_with(between=one), but(tuple)),
     ("void", lambda one: map_with(void=one), NO_TRUTH),
     ("parts", lambda one: law(one, 0.2), [None, 1, 1.5, True, {}, np.eye(4), object(), len]),
     ("parts[0]", lambda one: law([one], 0.2), VALUES),

@@ -19,7 +19,7 @@ from capslip.contact.solvers.detail import (
     effect_of_pixels,
     effect_of_refinement,
 )
-from capslip.contact.solvers.elastic_face import TakenNoise
+from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise
 from capslip.contact.solvers.noise import (
     LENGTHS,
     loss_noise_per_m,
@@ -30,6 +30,7 @@ from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading, path_at
 from capslip.errors import OutOfTimeError
 from capslip.problems import KINDS, Effect, Problem, Severity
+from capslip.surface.between import missed_of_all_m
 from capslip.units import percent
 
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
@@ -55,6 +56,11 @@ STRONG_95 = 1.5, 1.3
 MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude none is known anyway
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
+# Correlation length of what is missed, over how far the points lie apart: on rough faces of every
+# other point the energy at 0.25 mu N is off by 0.85 standard deviations then
+OF_APART = 0.3
+STIFFNESS_MISSED = 0.4  # of what they miss in the energy at three quarters, in the stiffness
+NOTHING_MISSED = 2e-4  # of the approach: it moves the energy by a tenth of `LEAST_ERROR`
 # Of mu N, at which the effect of given noise is solved: slopes of the pressures lie between them
 NOISE_SHARES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5, 0.65, 0.75)
 
@@ -67,6 +73,7 @@ class _Causes:
     noise_m: float  # white, that counts
     given: Mapping[float, float] | None = None  # by shares of mu N, what noise that is given does
     coarser: Mapping[float, float] | None = None  # the same, what coarser pixels move
+    between: Mapping[float, float] | None = None  # the same, what laid faces miss
 
     def at(self, share: float) -> tuple[float, float]:
         """Return what pixels and noise do to the energy at a share of mu N, relative, at 95 %."""
@@ -77,6 +84,10 @@ class _Causes:
         drop_N = share * self.unloading.load_N
         of_noise = NORMAL_95 * self.noise_m * self.unloading.noise_per_m(drop_N)
         return of_pixels, min(of_noise, MOST_OF_NOISE)
+
+    def missed_at(self, share: float) -> float:
+        """Return what laid faces miss between their points does to the energy, at 95 %."""
+        return (self.between or {}).get(min(share, FORCE_SHARES[-1]), 0.0)
 
 
 def error_of_map(
@@ -114,6 +125,10 @@ def error_of_map(
     causes = _Causes(unloading, _counted_m(white_m, first.approach_m))
     if noise_m is not None:
         causes = replace(causes, given=_of_given(curve, load_N, first, noise_m))
+    if (missed := _missed(curve, load_N, first, noise_m)) is not None:
+        causes = replace(causes, between=missed)
+        if (most := missed[ASKED]) > tolerance:
+            found.append(_mate_coarse(first.face, noise_m, most))
     of_both = math.hypot(*causes.at(SMALL_SLIP))
     if unloading.cut_short:  # no time is left to look at what detail decides
         return _with_pixels(causes, max(least, of_both), least), tuple(found)
@@ -218,6 +233,33 @@ def _of_given(
     return dict(zip(FORCE_SHARES, relative.tolist(), strict=True))
 
 
+def _missed(
+    curve: BoundaryElementCurve, load_N: float, first: FirstLoading, noise_m: float | None
+) -> dict[float, float] | None:
+    """Return what faces that were laid miss between their points, by shares of mu N, at 95 %.
+
+    As noise of that rms, as long as the waves are that just go between these points.
+    """
+    missed_m = _missed_m(first.face, noise_m)
+    if missed_m <= NOTHING_MISSED * first.approach_m:
+        return None
+    solutions, pressed = curve.solutions, curve.pressed(load_N)
+    apart_m = max(one.apart_m for one in first.face.between)
+    lengths = (OF_APART * apart_m / math.sqrt(first.face.pixel_area_m2),)
+    with solutions.counted(load_N):
+        path, _ = path_at(solutions.face, pressed, solutions.tolerance, NOISE_SHARES)
+    drop_N, per_m = loss_noise_per_m(path, lengths)
+    at_N = np.array(FORCE_SHARES) * load_N
+    relative = np.interp(at_N, drop_N, NORMAL_95 * missed_m * per_m)
+    return dict(zip(FORCE_SHARES, np.minimum(relative, MOST_OF_NOISE).tolist(), strict=True))
+
+
+def _missed_m(face: ElasticFace, noise_m: float | None) -> float:
+    """Return the rms that laid faces miss; the noise that is given is that of all scans."""
+    of_scan_m = None if noise_m is None else noise_m / math.sqrt(face.faces)
+    return missed_of_all_m(face.between, of_scan_m)
+
+
 def _by_length_m(first: FirstLoading, noise_m: float) -> np.ndarray:
     """Return the noise of each of `LENGTHS`, with the white one that was taken off before."""
     if (taken := first.face.taken) is None:
@@ -298,9 +340,10 @@ def _with_pixels(
     """
     by_share = []
     for share in PIXELS_95:
-        of_both = math.hypot(*causes.at(share))
+        of_both = math.hypot(*causes.at(share), causes.missed_at(share))
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     greatest = max(error for _, error in by_share)
+    stiffness = max(stiffness, STIFFNESS_MISSED * causes.missed_at(FORCE_SHARES[-1]))
     return ModelError(stiffness, greatest, tuple(by_share), _unknown_to(causes.unloading))
 
 
@@ -323,6 +366,16 @@ def _between_loads(unloading: Unloading) -> Problem:
         )
     step = KINDS["time_limit_reached"].remedy if unloading.cut_short else None
     return Problem("loss_between_loads", "warning", message, Effect(None, error, error), step)
+
+
+def _mate_coarse(face: ElasticFace, noise_m: float | None, error: float) -> Problem:
+    apart_m = max(one.apart_m for one in face.between)
+    message = (
+        f"between points {apart_m:.2g} m apart a face that was laid on the other may be "
+        f"{_missed_m(face, noise_m):.2g} m off: up to {error:.1%} in the energy per cycle at "
+        f"{percent(ASKED)} of the force at gross slip"
+    )
+    return Problem("mate_coarse", "warning", message, Effect(None, error, error))
 
 
 def _out_of_time(limit_s: float) -> Problem:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError, check_kind, in_short, truth_of
+from capslip.surface.between import Between
 from capslip.surface.heights import SMALL, ends_m, lost_of, slopes_of, stored_of
 from capslip.surface.outline import outside_of, window_of
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
@@ -139,6 +140,8 @@ class HeightMap:
     noise_scans : float, optional
         Of how many scans its noise has the variance, as many as faces where that is not known:
         interpolation takes some off.
+    between : tuple of Between
+        What lies between the points of faces that were laid on others.
     floor_slope : (float, float), optional
         Slopes along y and x of the floor of the sum of two faces whose caps are counted together.
     void : bool
@@ -178,6 +181,7 @@ class HeightMap:
     floor_slope: tuple[float, float] | None = None
     void: bool = False
     noise_scans: float | None = None
+    between: tuple[Between, ...] = ()
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
     lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)
@@ -219,6 +223,7 @@ class HeightMap:
             check_kind(name, getattr(self, name), (kind, type(None)), f"{kind.__name__}, or None")
         check_kind("faces", self.faces, Integral, "a whole number")
         check_kind("noise_scans", self.noise_scans, (Real, type(None)), "a number, or None")
+        check_kind("between", self.between, tuple, "a tuple of Between")
         truth_of("void", self.void)
 
     def _hold(self, stored_m: np.ndarray, lost: np.ndarray, added: "_Added | None") -> None:

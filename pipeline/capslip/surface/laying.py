@@ -1,9 +1,11 @@
 """Heights of a map at the points of another grid, by a quintic spline or straight lines."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
+from capslip.surface.between import Between
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import SPLINE_DEGREE, noise_left, noise_of_map_m
 from capslip.surface.rows import row_blocks
@@ -12,6 +14,11 @@ LEAST_MEASURED = 0.5
 WHOLE_PIXELS = 1e-9
 FILLED_RINGS = 16  # of points not measured: of what lies beyond, 0.43^16 reaches a spline
 FAR_FROM_STRAIGHT = 6.0  # rms of noise: white noise does not bend a spline so far
+LOOKED_AT = 60_000  # points, at which splines are compared: 1 % of an rms
+OF_NOISE = 250  # points along the sides of white noise, that tells to 1 % what it does to them
+NEAR = 20  # points from its edges on
+FROM_EDGES = 8  # points, within which splines differ because of an edge
+OUTERMOST = 0.99  # quantile at which differences are cut
 
 
 def straight_between(
@@ -101,6 +108,59 @@ def smooth_between(
     return laid_m
 
 
+def between_points(
+    surface: HeightMap, matrix: np.ndarray, offset: np.ndarray, shape: tuple[int, int]
+) -> Between | None:
+    """Return how splines differ where a face is laid on other points, None on its own points.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The face, as it is laid.
+    matrix, offset, shape
+        As of `straight_between`.
+    """
+    if on_points(matrix, offset):
+        return None
+    rng = np.random.default_rng(0)
+    point = np.arange(math.prod(shape))
+    if point.size > LOOKED_AT:  # at random: a lattice may meet the same places between all points
+        point = rng.choice(point, LOOKED_AT, replace=False)
+    place = matrix @ np.unravel_index(point, shape) + offset[:, None]
+    bends_m, finer_m = _differences_m(surface.height_m, place)
+    on_noise = place % 1.0 + rng.integers(NEAR, OF_NOISE - NEAR, place.shape)
+    of_noise = _differences_m(rng.standard_normal((OF_NOISE, OF_NOISE)), on_noise)
+    return Between(max(surface.pixel_size_m), bends_m, finer_m, of_noise)
+
+
+def _differences_m(height_m: np.ndarray, place: np.ndarray) -> tuple[float, float]:
+    """Return the rms of a cubic spline less straight lines, and of a quintic one less that.
+
+    At places, shape (2, n), of those far from edges and holes where some are. The greatest are cut:
+    beside steps, spikes and pits splines are held.
+    """
+    from scipy.ndimage import map_coordinates, minimum_filter, spline_filter
+
+    options = {"mode": "nearest", "prefilter": False}
+    measured = ~np.isnan(height_m)
+    far = minimum_filter(measured, 2 * FROM_EDGES + 1, mode="constant")
+    for points in (far, measured):
+        known = map_coordinates(points.astype(np.float64), place, order=1) == 1.0
+        if known.any():
+            break
+    else:
+        return 0.0, 0.0
+    place, filled_m = place[:, known], _filled(height_m.copy())
+    laid_m = [map_coordinates(filled_m, place, order=1, **options)]
+    for degree in (3, SPLINE_DEGREE):
+        spline_m = spline_filter(filled_m, degree, mode="mirror")
+        laid_m.append(map_coordinates(spline_m, place, order=degree, **options))
+    size_m = np.abs(np.diff(laid_m, axis=0))
+    cut_m = np.minimum(size_m, np.quantile(size_m, OUTERMOST, axis=1)[:, None])
+    bends_m, finer_m = np.sqrt(np.square(cut_m).mean(axis=1)).tolist()
+    return bends_m, finer_m
+
+
 def on_more_points(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     """Return the same face, in the same frame, on a finer grid, with the noise that is left there.
 
@@ -119,12 +179,14 @@ def on_more_points(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     places = row * share[0] + first[0], column * share[1] + first[1]
     left = noise_left(places, (0.0, 0.0))
     size_y_m, size_x_m = share * surface.pixel_size_m
+    between = between_points(surface, np.diag(share), first, shape)
     return replace(
         surface,
         height_m=smooth_between(surface.height_m, np.diag(share), first, shape),
         pixel_size_m=(size_y_m, size_x_m),
         noise_m=None if surface.noise_m is None else left * surface.noise_m,
         noise_scans=left**2 * surface.scans_of_noise,
+        between=surface.between + ((between,) if between else ()),
     )
 
 

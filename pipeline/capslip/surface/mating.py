@@ -13,7 +13,7 @@ from capslip.surface.filling import joined_filling
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
-from capslip.surface.laying import on_more_points, smooth_between, straight_between
+from capslip.surface.laying import between_points, on_more_points, smooth_between, straight_between
 from capslip.surface.noise import noise_left
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import joined_rounding
@@ -199,6 +199,7 @@ def _sum(
             "mating.mirror and the units"
         )
     noise_m, noise_scans = _noise(first, second, placement)
+    between = between_points(second, *_to_second(first, second, placement), first.shape)
     both = replace(
         first,
         height_m=height_m,
@@ -208,6 +209,7 @@ def _sum(
         noise_m=noise_m,
         noise_scans=noise_scans,
         faces=first.faces + second.faces,
+        between=(*first.between, *second.between, *((between,) if between else ())),
     )
     return without_lost_tops(remove_form(both, robust=robust, floor=floor)[0])
 

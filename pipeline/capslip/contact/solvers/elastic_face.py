@@ -7,6 +7,7 @@ import numpy as np
 
 from capslip.contact.solvers.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
+from capslip.surface.between import Between
 from capslip.surface.blocks import means_of_blocks
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outline import window_of
@@ -44,6 +45,7 @@ class ElasticFace:
     before: "ElasticFace | None" = field(default=None, kw_only=True)  # a load, with its hardness
     taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
     faces: float = field(default=1, kw_only=True)  # that it has the noise of, as variance
+    between: tuple[Between, ...] = field(default=(), kw_only=True)  # see `HeightMap`
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":
@@ -158,7 +160,7 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
     depth_m = np.where(measured, surface.bounds_m[1] - surface.height_m, 0.0)
     half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
     given = name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space
-    return ElasticFace(*given, faces=surface.scans_of_noise)
+    return ElasticFace(*given, faces=surface.scans_of_noise, between=surface.between)
 
 
 def coarse(values: np.ndarray) -> np.ndarray:
