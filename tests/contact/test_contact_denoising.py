@@ -14,6 +14,7 @@ from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.mating import composite_surface, place
 
 E_STAR_PA, LOAD_N, NOISE_M = 110e9, 100.0, 3e-9
 SHARES = (0.1, 0.25, 0.75)
@@ -105,6 +106,38 @@ def test_noise_that_neighbours_share_stays():
     noisy = replace(true, height_m=true.height_m + NOISE_M * noise_m / noise_m.std())
     face = elastic_face(noisy, E_STAR_PA)
     assert without_noise(face, NOISE_M) is face
+
+
+def mated(pixel, aside, rms_m=NOISE_M, **more):
+    """Return a sum of two faces with noise, and without, the second of pixels so much larger."""
+    first = waves(1)
+    second = waves(2, tuple(round(n / pixel) for n in first.shape), **more)
+    second = replace(second, pixel_size_m=tuple(pixel * d_m for d_m in first.pixel_size_m))
+    laid = place(first, second, offset_m=tuple(aside * d_m for d_m in first.pixel_size_m))
+    noisy = (
+        replace(with_noise(one, rms_m, seed=k), noise_m=NOISE_M)
+        for k, one in enumerate((first, second))
+    )
+    return composite_surface(*noisy, laid), composite_surface(first, second, laid)
+
+
+@pytest.mark.parametrize(("pixel", "aside"), [(1.0, 0.5), (1.3, 0.2), (1.6, 0.0), (0.7, 0.2)])
+def test_the_noise_of_a_face_that_was_laid_is_taken_off_as_its_spline_passes_it(pixel, aside):
+    """It is no white one, and was left on the map: pixels 1.3 times as large were enough."""
+    noisy, true = mated(pixel, aside)
+    face = taken(noisy, noisy.noise_m)
+    left_m, said_m = np.std(off_m(face, true)), face.taken.left_m
+    assert face.taken.noise_m == pytest.approx(noisy.noise_m, rel=0.08)
+    assert left_m < 0.5 * noisy.noise_m
+    assert 0.65 * said_m < left_m < 1.1 * said_m
+
+
+@pytest.mark.parametrize(("less", "spectrum"), [(0.7, "gaussian"), (1.0, "power_law")])
+def test_what_is_not_known_to_be_noise_stays_on_a_sum(less, spectrum):
+    """Where it has less than is said, or a face is as rough as its noise."""
+    noisy, _ = mated(1.6, 0.2, less * NOISE_M, waviness_spectrum=spectrum)
+    face = elastic_face(noisy, E_STAR_PA)
+    assert without_noise(face, noisy.noise_m) is face
 
 
 @pytest.mark.parametrize("lost", [0.02, 0.15])

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.fft import dctn
 
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.settings import Settings, load_settings
 from capslip.stages import Clock, find_face
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.surface.between import Between
+from capslip.surface.blocks import means_of_blocks
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
@@ -17,6 +20,7 @@ from capslip.surface.noise import (
     known_noise_m,
     mixed_difference,
     noise_of_map_m,
+    noise_spectrum,
     rms_of_noise_m,
 )
 from capslip.surface.resampling import resample
@@ -154,3 +158,20 @@ def test_a_sum_has_the_noise_that_its_second_face_keeps_on_the_grid_of_the_first
     assert both.noise_m == pytest.approx(np.nanstd(both.height_m), rel=0.012)
     swapped = replace(first, noise_m=None), second
     assert composite_surface(*swapped, place(*swapped, **laid)).noise_m is None
+
+
+@pytest.mark.parametrize("apart", [1.0, 1.6, 2.5])
+def test_the_noise_of_a_laid_face_has_the_spectrum_that_is_said(apart):
+    """Mean power over twenty parts of the plane of waves, at places all over the pixels."""
+    shape, rng = (240, 300), np.random.default_rng(4)
+    face = Between(1.0, 0.0, 0.0, (0.0, 0.0), (apart, apart))
+    said = noise_spectrum([face], 0.0, shape)
+    assert said.mean() == pytest.approx(1.0, rel=1e-12)
+    own = HeightMap(np.zeros(shape), (1e-5, 1e-5))
+    z = rng.standard_normal([round(1.3 * n / apart) for n in shape])
+    other = HeightMap(z, (1e-5 * apart, 1e-5 * apart))
+    laid = place(own, other, offset_m=(3e-6, 1e-6), rotation_rad=0.01)
+    both_m = composite_surface(own, other, laid).height_m
+    power = dctn(both_m, norm="ortho") ** 2
+    power, said = (means_of_blocks(one / one.mean(), 60, 1) for one in (power, said))
+    np.testing.assert_allclose(power, said, rtol=0.12, atol=0.03)

@@ -19,6 +19,8 @@ class Between:
     bends_m: float  # rms of what a cubic spline differs from straight lines
     finer_m: float  # rms of what a quintic spline differs from the cubic one
     of_noise: tuple[float, float]  # the same two of white noise of rms 1
+    pixels: tuple[float, float] = (1.0, 1.0)  # between its points along (y, x) of the others
+    scans: float = 1.0  # of which it has the noise
 
     def missed_m(self, noise_m: float | None = None) -> float:
         """Return the rms of what a face may be off between its points, where a spline goes.

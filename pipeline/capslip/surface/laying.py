@@ -130,7 +130,9 @@ def between_points(
     bends_m, finer_m = _differences_m(surface.height_m, place)
     on_noise = place % 1.0 + rng.integers(NEAR, OF_NOISE - NEAR, place.shape)
     of_noise = _differences_m(rng.standard_normal((OF_NOISE, OF_NOISE)), on_noise)
-    return Between(max(surface.pixel_size_m), bends_m, finer_m, of_noise)
+    apart_y, apart_x = 1.0 / np.linalg.norm(matrix, axis=0)
+    pixels, scans = (float(apart_y), float(apart_x)), surface.scans_of_noise
+    return Between(max(surface.pixel_size_m), bends_m, finer_m, of_noise, pixels, scans)
 
 
 def _differences_m(height_m: np.ndarray, place: np.ndarray) -> tuple[float, float]:

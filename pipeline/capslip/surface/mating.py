@@ -14,7 +14,7 @@ from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.laying import between_points, on_more_points, smooth_between, straight_between
-from capslip.surface.noise import noise_left
+from capslip.surface.noise import FINER, noise_left
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import joined_rounding
 from capslip.surface.shifts import best_shifts, match_by_shift, tells_apart
@@ -24,7 +24,6 @@ Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
 Way = Literal["composite", "together"]
 LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
-FINER = 1.1  # pixels smaller by less need no smoothing first, and no other points
 MOST_POINTS = 4  # of a sum for one of the larger face
 COARSE_POINTS = 128
 MAX_ROTATION_RAD = math.radians(5.0)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from capslip.surface.between import Between
 from capslip.surface.filters import REACH_SIGMA, SIGMA_PER_NESTING_INDEX
 from capslip.surface.heightmap import HeightMap, Heights
 
@@ -22,6 +23,7 @@ MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
 SAMPLES = 60_000  # of the whole map: enough for the median
 SPLINE_DEGREE = 5  # by which maps are laid on other points
 SPLINE_REACH = 48  # coefficients beyond are below 1e-16
+FINER = 1.1  # pixels smaller by less need no smoothing first, and no other points
 SHARES = 1025  # of a pixel, between which what is left is interpolated: off by less than 1e-6
 ENOUGH = 100  # differences between neighbours, of which a median says something
 
@@ -132,6 +134,48 @@ def noise_left(place: Iterable[np.ndarray], nesting_index: Iterable[float]) -> f
         )
         left = left * np.interp(at - np.floor(at), between, square)
     return round(math.sqrt(left.mean()), 12)  # of whole pixels all, exactly
+
+
+def noise_spectrum(faces: Iterable[Between], scans: float, shape: tuple[int, int]) -> np.ndarray:
+    """Return the power of the noise of a sum in each wave of a cosine transform, of mean 1.
+
+    That of faces on their own points is white; the noise of one that was laid has the waves that
+    its spline follows, and others by the share in which points at all places alias them.
+
+    Parameters
+    ----------
+    faces : iterable of Between
+        Those that were laid.
+    scans : float
+        Of how many scans the noise of the sum has the variance.
+    shape : (int, int)
+        Of the transform.
+    """
+    power, white = np.zeros(shape), scans
+    for one in faces:
+        of_y, of_x = (_transfer(n, apart) for n, apart in zip(shape, one.pixels, strict=True))
+        laid = one.scans * np.outer(of_y, of_x)
+        power += laid
+        white -= float(laid.mean())
+    power += max(white, 0.0)
+    return np.asarray(power / power.mean())
+
+
+def _transfer(n: int, apart: float) -> np.ndarray:
+    """Return the power that a quintic spline through white noise has in each of n waves.
+
+    Points closer than those they are laid on are smoothed first, over a nesting index of two.
+    """
+    k = np.pi * np.arange(n) / n
+    power = np.zeros(n)
+    for turn in 2.0 * np.pi * np.arange(-2, 3):
+        wave = (k + turn) * apart
+        at_pixels = (66.0 + 52.0 * np.cos(wave) + 2.0 * np.cos(2.0 * wave)) / 120.0
+        one = np.sinc(wave / (2.0 * np.pi)) ** 6 / at_pixels
+        if apart < 1.0 / FINER:
+            one *= np.exp(-0.5 * (2.0 * SIGMA_PER_NESTING_INDEX * (k + turn)) ** 2)
+        power += np.square(one)
+    return apart * power
 
 
 def _coefficients() -> np.ndarray:

@@ -10,7 +10,7 @@ from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.whiteness import MEDIAN, white_m2
 from capslip.surface.rows import even_lines
 
-_ORDER = 10  # of the differences that know noise: what is 5 pixels long gives them 1e-4 of itself
+ORDER = 10  # of the differences that know noise: what is 5 pixels long gives them 1e-4 of itself
 _WIDER_ORDER = 4  # the same between points that are not neighbours: ten of them leave the hill
 # Correlation lengths in pixels that are told apart: noise of each is seen at twice the spacing
 LENGTHS = (0, 1, 2, 4, 8)
@@ -138,7 +138,7 @@ def white_noise_m(face: ElasticFace, reach_m: float) -> float:
     reach_m : float
         Depth down to which it may touch.
     """
-    return _seen_m(_lines_m(face), reach_m, 1, _ORDER) or 0.0
+    return _seen_m(_lines_m(face), reach_m, 1, ORDER) or 0.0
 
 
 def noise_by_length_m(face: ElasticFace, reach_m: float, noise_m: float) -> np.ndarray:
@@ -163,7 +163,7 @@ def noise_by_length_m(face: ElasticFace, reach_m: float, noise_m: float) -> np.n
     float64, shape (len(LENGTHS),)
     """
     lines_m = _lines_m(face)
-    seen_m = [_seen_m(lines_m, reach_m, 1, _ORDER)]
+    seen_m = [_seen_m(lines_m, reach_m, 1, ORDER)]
     seen_m += [_seen_m(lines_m, reach_m, 2 * length, _WIDER_ORDER) for length in LENGTHS[1:]]
     up_to_m = [noise_m if one is None else min(one, noise_m) for one in seen_m]
     in_all_m2 = np.square(np.maximum.accumulate(up_to_m))
