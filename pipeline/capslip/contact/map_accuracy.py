@@ -57,7 +57,7 @@ MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude n
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 # Correlation length of what is missed, over how far the points lie apart: on rough faces of every
-# other point the energy at 0.25 mu N is off by 0.85 standard deviations then
+# other point the energy at 0.25 mu N is off by 0.5 to 0.85 standard deviations then
 OF_APART = 0.3
 STIFFNESS_MISSED = 0.4  # of what they miss in the energy at three quarters, in the stiffness
 NOTHING_MISSED = 2e-4  # of the approach: it moves the energy by a tenth of `LEAST_ERROR`
