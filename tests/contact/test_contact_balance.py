@@ -1,5 +1,6 @@
 """A plane that turns until the moments of its contacts balance."""
 
+import itertools
 import math
 
 import numpy as np
@@ -189,6 +190,30 @@ def test_two_caps_opposite_each_other_leave_their_free_slope_as_it_is(turn):
     rest = balance(k, h, compliance(arm), arm)
     assert loads(k, rest) == pytest.approx([LOAD_N / 2, LOAD_N / 2, 0.0, 0.0], rel=1e-9)
     assert abs(beside @ rest.slope) * 0.02 < 1e-12 * rest.level_m
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_loads_just_beyond_where_a_cap_begins_to_touch_have_a_rest(seed):
+    """Its first compression weighs less in the energy than rounding, so the misfit has to fall."""
+    k, h, C, arm = face(seed, n=12)
+
+    def touching(load_N):
+        return int((balance(k, h, C, arm, load=load_N).compression_m > 0).sum())
+
+    begins_N = []
+    for low, high in itertools.pairwise(np.geomspace(20.0, 2000.0, 12).tolist()):
+        before = touching(low)
+        if touching(high) == before:
+            continue
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if touching(middle) == before else (low, middle)
+        begins_N.append(high)
+    assert len(begins_N) > 2
+    for load_N in np.outer(begins_N, 1 + np.geomspace(1e-9, 1e-3, 25)).flat:
+        N = loads(k, rest := balance(k, h, C, arm, load=load_N))
+        gap_m = rest.level_m + arm @ np.array(rest.slope) - h - C @ N
+        assert np.abs(gap_m - rest.compression_m).max() < 1e-12 * rest.level_m
 
 
 def test_a_given_level_is_the_inverse_of_a_given_load():

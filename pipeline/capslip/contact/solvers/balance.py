@@ -312,7 +312,8 @@ class _Plane:
             H.flat[:: len(H) + 1] += self.spring
             moved = _solve(H, right[:, 1:].T @ z[:, 0])
             free, step = free + moved, step + z[:, 1:] @ moved
-        g[active] += step / S
+        # Its gap was taken at no compression, so that is where its step begins.
+        g[active] = state.g[active] + step / S
         return self.state(C, g, free)
 
     def _carrying(self, g: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
