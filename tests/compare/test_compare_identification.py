@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.compare.comparison import _bands, compare
-from capslip.compare.identification import _bound, _Search, _uncertainty
+from capslip.compare.identification import _bound, _Search, _uncertainty, friction_and_preload
 from capslip.compare.measurement import Measurement
 from capslip.compare.model import STEP_OF_A_MAP, TRIALS_OF_A_MAP, JointModel
 from capslip.contact.models.families import families
@@ -23,7 +23,20 @@ ONE = families(5, 23.8, 0, 109.89e9)
 
 
 def joints(curve):
-    return JointModel(lambda preload_N: curve, KAPPA, K_M, K_S, JOINTS)
+    return joints_of(lambda preload_N: curve)
+
+
+def joints_of(curve):
+    return JointModel(curve, KAPPA, K_M, K_S, JOINTS)
+
+
+class Everywhere(JointModel):
+    """Has a coarse curve at every preload."""
+
+    def unit_curve(self, preload_N, points=800):
+        if points == 800:
+            return super().unit_curve(preload_N, points)
+        return joints(TWO).unit_curve(preload_N, points)
 
 
 class Remembering(JointModel):
@@ -427,6 +440,48 @@ def test_one_preload_of_many_that_finds_no_level_does_not_end_the_search():
     search.near(x)
     assert failed
     assert np.exp(x[1]) == pytest.approx(PRELOAD_N, rel=0.01)
+
+
+@pytest.mark.parametrize("one_of", [3, 7, 9])
+def test_preloads_that_find_no_level_do_not_end_a_search_along_slopes(one_of):
+    failed = []
+
+    def curve(preload_N):
+        if preload_N != PRELOAD_N and int(1e6 * preload_N) % one_of == 0:
+            failed.append(preload_N)
+            raise ContactError("no level")
+        return TWO
+
+    v_m = np.geomspace(0.05, 0.95, 15) * joints(TWO).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = Measurement(v_m, joints(TWO).loss_factor(v_m, MU, PRELOAD_N))
+    # every preload that is looked over has an answer, so that only the search meets one without
+    coarse = Everywhere(curve, KAPPA, K_M, K_S, JOINTS)
+    found = compare(measured, coarse, MU, PRELOAD_N, identify=True).identified
+    assert failed
+    assert found.at_bound is None
+    assert found.preload_N == pytest.approx(PRELOAD_N, rel=1e-3)
+    assert found.friction_coefficient == pytest.approx(MU, rel=1e-3)
+    search = (np.array([0.2, np.log(PRELOAD_N)]), np.array([[0.0, np.log(200.0)], [10.0, 7.0]]))
+    of_some = _Search(v_m, measured.loss_factor, joints_of(curve), search[1]).slopes(search[0])
+    of_all = _Search(v_m, measured.loss_factor, joints(TWO), search[1]).slopes(search[0])
+    np.testing.assert_allclose(of_some, of_all, rtol=2e-2)  # differences over other steps
+
+
+def test_a_face_that_carries_no_preload_from_which_to_begin_is_said_in_one_line():
+    asked = []
+
+    class Later(Everywhere):
+        def unit_curve(self, preload_N, points=800):
+            asked.append(points)
+            if points == 800 and 100 in asked:
+                raise ContactError("no level")
+            return super().unit_curve(preload_N, points)
+
+    v_m = np.geomspace(0.05, 0.95, 15) * joints(TWO).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = Measurement(v_m, joints(TWO).loss_factor(v_m, MU, PRELOAD_N))
+    model = Later(lambda preload_N: TWO, KAPPA, K_M, K_S, JOINTS)
+    with pytest.raises(ContactError, match="carries none of the 2 preloads from which to begin"):
+        friction_and_preload(v_m, measured.loss_factor, model, PRELOAD_N)
 
 
 def test_too_few_points_are_refused(model):

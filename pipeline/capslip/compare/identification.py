@@ -17,7 +17,8 @@ PRELOAD_RANGE = 10.0  # times and divided by: where the preload is looked for
 GREATEST_EXCESS = 10.0  # ln of gross slip over the greatest amplitude measured
 EXCESS = np.append(0.01, np.geomspace(0.03, 8, 40))  # of it, that are looked at first
 MISSED = math.log(3.0)  # what is known of real joints at best: a model that misses by more is wrong
-STEP = 1e-4  # of ln v_gross, for differences; that of ln N0 is the model's
+STEP = 1e-4  # of ln v_gross and ln N0, for differences; of a map that of ln N0 is the model's
+STEPS = np.array([1, -1, 4, -4, 16, -16])  # of these, where the face carries none at the first
 PARTS = 6, 3, 3  # of the way between trials, then of the parts
 NEIGHBOURS = 4  # preloads to either side of the one that fits, whose scatter counts
 
@@ -132,9 +133,16 @@ def _fitted(
         x = search.scanned(starts[:, 1], 2 * math.log(PRELOAD_RANGE) / (model.trials + 1))
     else:
         waiting, fits = Waiting("identification", "fits"), []
-        for start in starts:
-            fits.append(least_squares(search.residual, start, bounds=bounds, diff_step=STEP))
-            waiting.tell(len(fits), len(starts))
+        for i, start in enumerate(starts):
+            if (begin := search.carried(start)) is not None:
+                # a step to where the face carries nothing is taken back, as that is infinite
+                fits.append(least_squares(search.residual, begin, search.slopes, bounds))
+            waiting.tell(i + 1, len(starts))
+        if not fits:
+            raise ContactError(
+                f"identification: got a face that carries none of the {len(starts)} preloads from "
+                "which to begin; expected one; look at its level and material"
+            )
         x = min(fits, key=lambda one: one.cost).x
     jacobian, covariance = search.near(x)
     squares = float(np.square(search.residual(x)).sum())
@@ -178,6 +186,33 @@ class _Search:
             return self._of_curve(self.model.unit_curve(math.exp(x[1])), x[0])
         except ContactError:
             return np.full(self.amplitude_m.size, np.inf)
+
+    def carried(self, x: np.ndarray) -> np.ndarray | None:
+        """Return x, or one beside it, with a preload that the face carries; None without one."""
+        for step in (0.0, *(STEP * STEPS)):
+            beside = np.array([x[0], np.clip(x[1] + step, *self.bounds[:, 1])])
+            if np.isfinite(self.residual(beside)).all():
+                return beside
+        return None
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of the residuals (n, 2) over x, by differences.
+
+        To the first side on which the face carries the preload, in steps that grow: one at which it
+        finds no equilibrium is no end of the search.
+        """
+        at, jacobian = self.residual(x), np.zeros((self.amplitude_m.size, 2))
+        for i, (low, high) in enumerate(self.bounds.T):
+            for step in STEP * STEPS:
+                beside = x.copy()
+                beside[i] += step
+                if not low <= beside[i] <= high:
+                    continue
+                difference = self.residual(beside) - at
+                if np.isfinite(difference).all():
+                    jacobian[:, i] = difference / step
+                    break
+        return jacobian
 
     def log_of_friction(self, x: np.ndarray) -> float:
         """Return ln mu."""
