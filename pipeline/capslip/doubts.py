@@ -32,6 +32,7 @@ from capslip.stages import Face
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
 from capslip.surface.blocks import coarse_map, coarse_step
+from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import (
     problems_of_points,
     problems_of_ripple,
@@ -48,6 +49,7 @@ from capslip.surface.flatness import (
 )
 from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
+from capslip.surface.resampling import problems_of_fewer_points
 from capslip.units import percent
 
 # Of what lies where nothing was measured, and of that alone
@@ -98,6 +100,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *_of_outline(face),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
+        *_of_fewer_points(contact, face.conditioned),
         *_of_floor(contact, found.surface, mate, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
@@ -244,6 +247,13 @@ def _of_ripple(contact: ContactState, surface: HeightMap) -> list[Problem]:
     if contact.rung.made_from != "map":
         return []
     return problems_of_ripple(surface, contact.approach_m)
+
+
+def _of_fewer_points(contact: ContactState, conditioned: Conditioned) -> list[Problem]:
+    """Return whether the map lacks waves that were measured; spheres keep their radii without."""
+    if contact.rung.made_from != "map":
+        return []
+    return problems_of_fewer_points(conditioned.surface, conditioned.finer)
 
 
 def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Problem]:

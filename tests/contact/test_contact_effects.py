@@ -601,6 +601,57 @@ def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
     assert effect.energy == pytest.approx(moved_energy(fine, alone), rel=0.1)
 
 
+def of_waves(seed, length_m=3e-3, noise_m=0.0):
+    """Return a map of waves of 15 pixels, or so many, with white noise."""
+    of = Scene((60, 80), (2e-4, 2e-4), seed, waviness_rms_m=1e-7, waviness_length_m=length_m)
+    surface = synthetic_surface(of)[0]
+    noise = np.random.default_rng(seed).standard_normal(surface.shape)
+    return replace(surface, height_m=surface.height_m + noise_m * noise)
+
+
+PRESSED = ("contact.preload_N=60", "contact.model=boundary_elements")
+FEWER = (*PRESSED, "conditioning.resample_to=[40,50]")
+
+
+@pytest.mark.parametrize(
+    ("seed", "length_m", "severity"),
+    [(5, 3e-3, "info"), (4, 3e-3, "warning"), (6, 2e-3, "warning")],
+)
+def test_fewer_points_move_what_all_that_were_measured_change(seed, length_m, severity):
+    """The face turns under its load: as it turned, both lie alike."""
+    surface = of_waves(seed, length_m)
+    whole, fewer = found(surface, *PRESSED), found(surface, *FEWER)
+    assert "resampled_coarser" not in {one.code for one in whole.problems}
+    (said,) = [one for one in fewer.problems if one.code == "resampled_coarser"]
+    stiffness = [one.slip.tangential_stiffness_N_per_m for one in (fewer, whole)]
+    assert said.effect.tangential_stiffness == pytest.approx(
+        abs(stiffness[1] / stiffness[0] - 1), rel=0.05, abs=5e-4
+    )
+    assert said.effect.energy == pytest.approx(moved_energy(fewer, whole), rel=0.05, abs=2e-4)
+    assert said.severity == severity
+    asked = moved_energy(fewer, whole, LARGE)
+    assert (max(asked, said.effect.tangential_stiffness) > 0.05) == (severity == "warning")
+
+
+def test_caps_keep_their_radii_on_fewer_points_and_are_not_asked():
+    words = (FEWER[0], FEWER[2], "contact.model=caps")
+    assert "resampled_coarser" not in {one.code for one in found(of_waves(4), *words).problems}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_noise_that_fewer_points_average_over_is_no_wave_that_they_lack(known):
+    """Known or not: left on the map that was measured it would move the energy by 8 %."""
+    words = (*FEWER, *(["instrument.noise_m=2e-9"] if known else []))
+    true = moved_energy(*(found(of_waves(5), *one) for one in (FEWER, PRESSED)))
+    (said,) = [
+        one
+        for one in found(of_waves(5, noise_m=2e-9), *words).problems
+        if one.code == "resampled_coarser"
+    ]
+    assert said.severity == "info"
+    assert max(true, said.effect.energy) < 0.04
+
+
 @pytest.mark.parametrize(("missing", "severity"), [(0.5, "info"), (0.98, "warning")])
 def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, severity):
     """Pressed itself, with few points it misses the energy of the whole map by less than is said.

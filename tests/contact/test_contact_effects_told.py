@@ -48,6 +48,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
         removed_m=np.zeros((3, removed)),
         removed=SimpleNamespace(both_ways=both_ways, n_lifted=n_lifted),
         seams=None,
+        finer_as_turned=lambda: None,
         surface=SimpleNamespace(
             height_m=height_m,
             tops=tops,
@@ -133,6 +134,19 @@ def test_an_effect_that_nobody_knows_leaves_a_doubt_as_it_is_but_for_lifted_patc
         assert severity("seams", None, given, face(n_lifted=1)) == given
 
 
+@pytest.mark.parametrize("energy", [0.2, 0.02, None])
+def test_fewer_points_are_a_warning_unless_more_of_them_answer_alike(energy):
+    by_map = {} if energy is None else {"resampled_coarser": moved((energy,) * 4)}
+    ((one,), _) = told([Problem("resampled_coarser", "warning", "x")], face(), {}, by_map)
+    assert one.severity == ("info" if energy == 0.02 else "warning")
+    if energy is None:
+        assert one.message == "x; nobody knows what that moves: more points have no answer"
+        assert one.effect is None
+    else:
+        assert one.message.endswith("(found on the map with more points)")
+        assert one.effect.energy == energy
+
+
 def test_a_message_tells_what_moves_and_where_it_is_less():
     problem = Problem("bow_left", "warning", "it is bowed")
 
@@ -156,6 +170,7 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
     [
         ("seams", "warning", face(), True),
         ("seams", "info", face(), False),
+        ("resampled_coarser", "warning", face(), True),
         ("bow_left", "info", face(), True),
         ("clipped", "warning", face(), True),
         ("load_on_doubtful_caps", "warning", face(), True),

@@ -346,6 +346,27 @@ def test_mated_faces_are_conditioned_and_tell_their_steps():
     json.dumps(both.steps, allow_nan=False)
 
 
+@pytest.mark.parametrize("fewer", [(True, True), (True, False), (False, True), (False, False)])
+def test_the_sum_of_faces_of_fewer_points_knows_that_of_what_was_measured(fewer):
+    """Whichever of both has fewer; caps of either keep their radii, and are held against none."""
+    shape = (60, 90)
+    whole = [condition(HeightMap(waves(shape, seed), PIXEL_M)) for seed in (1, 2)]
+    faces = [
+        condition(HeightMap(waves(shape, seed), PIXEL_M), resample_to=(30, 45) if less else shape)
+        for seed, less in zip((1, 2), fewer, strict=True)
+    ]
+    placement = place(*(one.surface for one in faces), offset_m=(3e-4, -7e-4))
+    both = mate(*faces, placement)
+    assert mate(*faces, placement, way="together").finer is None
+    if not any(fewer):
+        assert both.finer is None
+        return
+    expected = composite_surface(*(one.surface for one in whole), placement)
+    assert both.finer.pixel_size_m == pytest.approx(expected.pixel_size_m, rel=1e-12)
+    np.testing.assert_allclose(both.finer.height_m, expected.height_m, atol=1e-20)
+    assert np.nanstd(both.finer.height_m) > np.nanstd(both.surface.height_m)
+
+
 @pytest.mark.parametrize(
     "options",
     [

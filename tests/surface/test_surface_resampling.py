@@ -1,12 +1,20 @@
 """Resampling: the same face on another grid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
 
 from capslip.errors import SettingsError
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.resampling import problems_of_resampling, resample
+from capslip.surface.resampling import (
+    finer_than,
+    problems_of_fewer_points,
+    problems_of_resampling,
+    resample,
+)
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 180
@@ -88,3 +96,68 @@ def test_points_that_nobody_measured_are_said_whatever_the_other_axis_has(shape,
     assert all(p.message.startswith(said) for p in problems)
     told = [p for p in condition(surface, resample_to=shape).problems if p in problems]
     assert told == list(problems)
+
+
+@pytest.mark.parametrize(
+    ("shape", "finer"),
+    [
+        ((NY, NX), None),
+        ((2 * NY, NX), None),
+        ((NY // 2, NX), (NY, NX)),
+        ((NY - 1, NX), (NY, NX)),
+        ((NY // 3, NX), (2 * NY // 3, NX)),
+        ((NY // 3, NX // 4), (2 * NY // 3, NX // 2)),
+        ((NY // 4, NX // 2), (NY // 2, NX)),
+        ((2 * NY, NX // 3), (2 * NY, 2 * NX // 3)),
+    ],
+)
+def test_fewer_points_are_held_against_those_measured_or_twice_as_many_a_side(shape, finer):
+    z = np.random.default_rng(1).standard_normal((NY, NX)) * 1e-6
+    z[5:9, 7] = np.nan
+    surface = condition(HeightMap(z, PIXEL_M)).surface
+    found = finer_than(resample(surface, shape), surface)
+    told = condition(HeightMap(z, PIXEL_M), resample_to=shape).finer
+    problems = problems_of_fewer_points(resample(surface, shape), found)
+    if finer is None:
+        assert found is told is None
+        assert problems == []
+        return
+    expected = resample(surface, finer)
+    for one in (found, told):
+        assert one.pixel_size_m == pytest.approx(expected.pixel_size_m, rel=1e-12)
+        np.testing.assert_array_equal(one.height_m, expected.height_m)
+    (problem,) = problems
+    assert problem.message.startswith("resampled to {} x {} points".format(*shape))
+    assert problem.message.endswith("against {} x {} that were measured".format(*finer))
+
+
+@pytest.mark.parametrize("void", [False, True])
+def test_a_finer_map_lies_as_its_face_was_turned(void):
+    """Turned twice, about other places; without voids of its own where the face has none."""
+    z = 1e-6 * waves(*axes((NY, NX), PIXEL_M), 2e-3)
+    z[50:70, 80:99] = np.nan
+    shape = NY // 2, NX // 2
+    face = condition(HeightMap(z, PIXEL_M), resample_to=shape)
+    if void:
+        face = replace(face, surface=face.surface.as_void())
+    assert face.finer_as_turned().void == void
+    for slope, at_m in (((3e-4, -2e-4), (1e-3, 2e-3)), ((-1e-4, 5e-4), (0.0, 4e-3))):
+        y, x = axes(shape, face.surface.pixel_size_m)
+        added_m = slope[0] * (x - at_m[0]) + slope[1] * (y - at_m[1])
+        surface = replace(face.surface, height_m=face.surface.height_m + added_m)
+        face = face.turned(surface, slope, at_m, {"step": "level"})
+    other = resample(face.finer_as_turned(), shape)
+    np.testing.assert_array_equal(other.measured, face.surface.measured)
+    between_m = (other.height_m - face.surface.height_m)[6:-6, 6:-6]
+    beside_hole = ~np.isfinite(between_m)  # where a slope leaks, as at an edge
+    far = ~binary_dilation(beside_hole, iterations=6)
+    assert far.mean() > 0.8
+    assert np.ptp(between_m[far]) < 1e-3 * np.ptp(added_m)
+
+
+def test_a_map_that_was_not_resampled_is_its_finest():
+    surface = HeightMap(1e-6 * waves(*axes((NY, NX), PIXEL_M), 2e-3), PIXEL_M)
+    whole, fewer = condition(surface), condition(surface, resample_to=(NY // 2, NX // 2))
+    assert whole.finer_as_turned() is None
+    assert whole.finest is whole.surface
+    np.testing.assert_array_equal(fewer.finest.height_m, whole.surface.height_m)

@@ -13,6 +13,8 @@ from capslip.contact.accuracy import FORCE_SHARES, answers
 from capslip.contact.map_accuracy import ASKED
 from capslip.contact.press import ContactState
 from capslip.contact.rung import Scene
+from capslip.contact.solvers.elastic_face import elastic_face
+from capslip.contact.solvers.noise import white_noise_m
 from capslip.contact.trials import LEFT_OUT, FaceOfCaps, Trials
 from capslip.errors import CapslipError
 from capslip.problems import Effect, Problem
@@ -37,6 +39,7 @@ OF_THE_HEIGHTS = (
 )
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
+COARSER = "resampled_coarser"
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
 
@@ -90,7 +93,7 @@ def with_effects(
     there. Where the map itself answers, bow and levels are taken off it, on points so far apart
     that this costs little, where these tell; removed points that may matter are put back; of one
     that was interpolated, the measured points alone are pressed, of one that was filled, fewer of
-    them, and of one with a ripple, the same without it.
+    them, of one that was resampled to fewer, more, and of one with a ripple, the same without it.
     Within `contact.tolerance` it is information, and so are removed points that stand off both
     ways, as errors do; else a warning. What moves the energy at smaller forces alone than those
     that are asked for is only noted.
@@ -113,7 +116,8 @@ def with_effects(
     least_share : float
         Of mu N, the least force that is asked for; from a quarter on it is all the same.
     """
-    face = FaceOfCaps(conditioned.surface, settings, conditioned.seams)
+    finer = conditioned.finer_as_turned()
+    face = FaceOfCaps(conditioned.surface, settings, conditioned.seams, finer)
     tolerance = settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
     filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
@@ -161,7 +165,7 @@ def _found_on_map(
     """
     if code in OF_THE_MAP:
         found = _effect_on_map(code, contact, peaks, face, OF_THE_MAP[code](face), least_share)
-        return found, "without it" if code == "ripple" else "with fewer points"
+        return found, HOW.get(code, "with fewer points")
     maps, which = OF_FEWER_POINTS[code](face, coarse_map), "with fewer points"
     found = _effect_on_map(code, contact, peaks, face, maps, least_share)
     tolerance = face.settings.contact.tolerance
@@ -241,6 +245,11 @@ def _rippled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return face.surface, *([] if ripple is None else [without_ripple(face.surface, ripple)])
 
 
+def _coarser_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+    """Return a map, and the same as it was before it was resampled to fewer points."""
+    return face.surface, *([] if face.finer is None else [face.finer])
+
+
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
     """Return a map, and the same with the points that were removed from it."""
     surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
@@ -257,8 +266,10 @@ OF_FEWER_POINTS = {
 OF_THE_MAP = {
     "interpolated": _interpolated_or_not,
     "points_filled": _filled_or_not,
+    COARSER: _coarser_or_not,
     "ripple": _rippled_or_not,
 }
+HOW = {COARSER: "with more points", "ripple": "without it"}  # a map is pressed of these
 
 
 def _effect_on_map(
@@ -286,6 +297,8 @@ def _effect_on_map(
     def answers_on(surface: HeightMap) -> tuple[np.ndarray, np.ndarray]:
         known = surface is face.surface
         scene = Scene.of(peaks, none, surface, settings, peaks.usable, contact.at_ease_rad)
+        if code == COARSER and not known:
+            scene = replace(scene, noise_m=_seen_noise_m(scene))
         curve = contact.normal if known else model.build(scene)
         if model.at_forces is not None:
             curve = model.at_forces(curve, FORCE_SHARES)
@@ -303,6 +316,15 @@ def _effect_on_map(
         return _Moved.by(change.max(axis=0)[:-1], least_share, of_pixels=left)
     *moved, approach = standard_error(change)
     return _Moved.by(np.array(moved), least_share, approach, left)
+
+
+def _seen_noise_m(scene: Scene) -> float | None:
+    """Return the white noise that a map shows, no more than is known of it; None without any.
+
+    Fewer points average over noise: what more of them have of it is nothing that was taken off.
+    """
+    seen_m = white_noise_m(elastic_face(scene.surface, scene.E_star_Pa), math.inf)
+    return min(seen_m, math.inf if scene.noise_m is None else scene.noise_m) or None
 
 
 def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bool:
@@ -359,10 +381,14 @@ def _as_severe(
 ) -> Problem:
     """Return a problem with its effect, and as severe as that unless it is a firm warning.
 
-    Patches that were lifted are a warning where nobody knows what they move, too.
+    Patches that were lifted are a warning where nobody knows what they move, too; so are fewer
+    points than were measured, and that is said.
     """
     firm = _is_firm(problem, conditioned, caps)
     unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
+    if moved is None and problem.code == COARSER:
+        message = f"{problem.message}; nobody knows what that moves: more points have no answer"
+        return replace(problem, severity="warning", message=message)
     if moved is None:
         return replace(problem, severity="warning") if unknown_matters else problem
     effect = moved.effect

@@ -51,6 +51,7 @@ class FaceOfCaps:
     surface: HeightMap
     settings: Settings
     seams: Seams | None = None  # of the map
+    finer: HeightMap | None = None  # the same map on more points, see `Conditioned`
 
     def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
         """Return the caps over the plane that balances them, and their curve with interaction."""
@@ -143,7 +144,7 @@ class Trials:
             yield self._levelled()
         elif code == "seams":
             yield from self._in_one_field()
-        elif code in ("interpolated", "points_filled", "ripple"):
+        elif code in ("interpolated", "points_filled", "resampled_coarser", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
             yield from self._with_hills(holes(self.face.surface))

@@ -15,7 +15,7 @@ from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
-from capslip.surface.resampling import problems_of_resampling, resample
+from capslip.surface.resampling import finer_than, problems_of_resampling, resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
 from capslip.surface.rows import row_blocks
 from capslip.surface.seams import Seams, find_seams
@@ -48,6 +48,9 @@ class Conditioned:
         Of all planes that were added since, along x and y; see `turned`.
     tops_of_scans : tuple of (Tops or None)
         What was put back of each scan, in its own frame.
+    finer : HeightMap, or None
+        The same face on more points where it was resampled to fewer, see `finer_than`; without the
+        planes that were added since.
     """
 
     surface: HeightMap
@@ -60,11 +63,17 @@ class Conditioned:
     removed: Outliers = field(default_factory=Outliers)
     second_m: np.ndarray | None = None
     tops_of_scans: tuple[Tops | None, ...] = ()
+    finer: HeightMap | None = None
 
     @cached_property
     def seams(self) -> Seams | None:
         """Straight seams of the map, for their doubt and for its effect; None without any."""
         return find_seams(self.surface)
+
+    @property
+    def finest(self) -> HeightMap:
+        """Return the map as it was fitted on the most points there are."""
+        return self.as_fitted() if self.finer is None else self.finer
 
     def turned(
         self,
@@ -85,12 +94,14 @@ class Conditioned:
 
     def as_fitted(self) -> HeightMap:
         """Return the map before planes were added, but for a constant."""
-        if self.slope == (0.0, 0.0):
-            return self.surface
-        (ny, nx), (dy_m, dx_m) = self.surface.shape, self.surface.pixel_size_m
-        slope_x, slope_y = self.slope
-        less_m = -slope_x * dx_m * np.arange(nx), -slope_y * dy_m * np.arange(ny)
-        return self.surface.plus(*less_m)
+        return _sloped(self.surface, (-self.slope[0], -self.slope[1]))
+
+    def finer_as_turned(self) -> HeightMap | None:
+        """Return `finer` as the surface lies, but for a constant, and with its voids."""
+        if self.finer is None:
+            return None
+        finer = self.finer.as_void() if self.surface.void else self.finer
+        return _sloped(finer, self.slope)
 
 
 def condition(
@@ -188,16 +199,26 @@ def condition(
     if l_filter_nesting_index_m is not None:
         surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
         steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
+    finer = None
     if resample_to is not None:
         measured, surface = surface, resample(surface, resample_to)
         problems += problems_of_resampling(measured, surface)
+        finer = finer_than(surface, measured)
         steps.append({"step": "resampling", "shape": list(surface.shape)})
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
     removed = found if removed_m.size else Outliers()
-    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,))
+    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,), finer=finer)
+
+
+def _sloped(surface: HeightMap, slope: tuple[float, float]) -> HeightMap:
+    """Return a map with a plane of these slopes (x, y) added."""
+    if slope == (0.0, 0.0):
+        return surface
+    (ny, nx), (dy_m, dx_m), (slope_x, slope_y) = surface.shape, surface.pixel_size_m, slope
+    return surface.plus(slope_x * dx_m * np.arange(nx), slope_y * dy_m * np.arange(ny))
 
 
 def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:

@@ -310,6 +310,7 @@ def mate(
             floor_slope=floor_slopes(surface),
         )
         told = (*first.problems, *doubts)
+        first = replace(first, finer=None)
         return replace(first, surface=face, steps=steps, problems=told, tops_of_scans=tops)
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
@@ -319,7 +320,11 @@ def mate(
     sq_m, sz_m = sq_and_sz_m(surface)
     second_m = surface.height_m - on_same.height_m
     found = surface, sq_m, sz_m, steps, (*problems, *doubts)
-    return Conditioned(*found, second_m=second_m, tops_of_scans=tops)
+    finer = None
+    if first.finer is not None or second.finer is not None:
+        both = first.finest, second.finest
+        finer = composite_surface(*both, placement, robust=robust, floor=floor)
+    return Conditioned(*found, second_m=second_m, tops_of_scans=tops, finer=finer)
 
 
 def _turn(placement: Placement) -> np.ndarray:

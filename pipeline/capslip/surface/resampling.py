@@ -13,6 +13,7 @@ LEAST_MEASURED = 0.5
 MAX_FINER = 8  # new points a stored one, along an axis: interpolation adds nothing to see
 FINER = 1.1  # points for each measured one along an axis, from which on they are said
 MAX_POINTS = 2**28  # as in a file
+COMPARED = 2  # times as many points a side, at most, of a map that fewer are held against
 
 
 def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
@@ -84,6 +85,50 @@ def problems_of_resampling(measured: HeightMap, surface: HeightMap) -> tuple[Pro
         "what lies between is interpolated, and the stated errors take it for measured"
     )
     return (Problem("resampled_finer", "warning", message),)
+
+
+def finer_than(surface: HeightMap, measured: HeightMap) -> HeightMap | None:
+    """Return the map that a resampled one is held against, None where it has no fewer points.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        After `resample`.
+    measured : HeightMap
+        Before.
+
+    Returns
+    -------
+    HeightMap or None
+        The points that were measured; where these are more than twice as many a side, twice as many
+        as the surface has. More would cost what fewer points are to save, and of all waves that
+        were taken off those nearest to what is left move most.
+
+    Examples
+    --------
+    >>> measured = HeightMap(np.zeros((40, 90)), (1e-4, 1e-4))
+    >>> finer_than(resample(measured, (20, 30)), measured).shape
+    (40, 60)
+    """
+    own, points = measured.shape, surface.shape
+    shape = tuple(
+        n if n > own_n else min(COMPARED * n, own_n) for n, own_n in zip(points, own, strict=True)
+    )
+    if not any(n < own_n for n, own_n in zip(points, own, strict=True)):
+        return None
+    return measured if shape == own else resample(measured, (shape[0], shape[1]))
+
+
+def problems_of_fewer_points(surface: HeightMap, finer: HeightMap | None) -> list[Problem]:
+    """Return that a map has fewer points than one that was finer, where it has."""
+    if finer is None:
+        return []
+    (ny, nx), (finer_ny, finer_nx) = surface.shape, finer.shape
+    message = (
+        f"resampled to {ny} x {nx} points, which takes short waves off, against "
+        f"{finer_ny} x {finer_nx} that were measured"
+    )
+    return [Problem("resampled_coarser", "warning", message)]
 
 
 def _along(z: np.ndarray, axis: int, n: int) -> np.ndarray:
