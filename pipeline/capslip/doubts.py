@@ -50,7 +50,7 @@ from capslip.surface.flatness import (
 from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
 from capslip.surface.resampling import problems_of_fewer_points
-from capslip.units import percent
+from capslip.units import off_by, percent, share_of
 
 # Of what lies where nothing was measured, and of that alone
 OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole", "tops_in_holes")
@@ -288,22 +288,23 @@ def _of_small_slip(
     said = "small_slip_extrapolated" in warned
     asked = f"asked for is {percent(share)} of the force at gross slip"
     left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
+    moved = share_of(left)
     falls = contact.errors is not None and contact.errors.energy_by_share
     if falls and share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
         message = (
-            f"{asked}, where pixels, noise and detail of the map leave up to {left:.1%} in the "
-            "energy per cycle"
+            f"{asked}, where pixels, noise and detail of the map leave up to {off_by(left)} in "
+            "the energy per cycle"
         )
-        return [Problem("small_slip_extrapolated", "warning", message, Effect(None, left, left))]
+        return [Problem("small_slip_extrapolated", "warning", message, Effect(None, moved, moved))]
     if contact.rung.least_share is None:
         return []
     least = contact.rung.least_share(contact.normal, contact.preload_N)
     if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
-    off = percent(left) if left > UNRESOLVED else f"more than {percent(UNRESOLVED)}"
+    off = off_by(left) if left > UNRESOLVED else f"more than {percent(UNRESOLVED)}"
     message = (
         f"{asked}; below {percent(least)} of it less slips than the pixels of the map resolve: the "
         f"energy per cycle may be off by {off}"
     )
-    effect = Effect(None, left, left) if left > tolerance else None
+    effect = Effect(None, moved, moved) if left > tolerance else None
     return [Problem("small_slip_extrapolated", "warning", message, effect)]

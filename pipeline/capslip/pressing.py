@@ -45,7 +45,7 @@ from capslip.settings import Settings
 from capslip.stages import Clock, Face
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import known_noise_m
-from capslip.units import percent
+from capslip.units import off_by
 
 BETTER_SCAN = "average several scans (capslip average), or scan with more points on each hill"
 
@@ -87,7 +87,7 @@ def press_face(
     if better is None:
         return _tried(contact, "does not know how far it is off"), caps, slip
     if known is not None and known.greatest <= better.greatest:
-        return _tried(contact, f"may be off by {percent(better.greatest)}"), caps, slip
+        return _tried(contact, f"may be off by {off_by(better.greatest)}"), caps, slip
     return other, other_caps, other_slip
 
 

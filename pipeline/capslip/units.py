@@ -80,6 +80,7 @@ QUANTITY = re.compile(
 
 
 MOVED = re.compile(r"\bby (\d+(?:\.\d+)?)%")
+MOST_FACTOR = 1000  # beyond it nobody tells an error from another
 TENFOLD = 9.0  # a change of 900 %
 SHARE = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)%")
 
@@ -94,6 +95,27 @@ def percent(share: float) -> str:
     """
     value = 100.0 * share
     return f"{value:.0f} %" if value >= 99.5 else f"{value:.2g} %"
+
+
+def off_by(log: float) -> str:
+    """Write an error that is known as half the width of an interval in logarithms.
+
+    In percent of what it may add, from twofold on as the factor that lies to either side.
+
+    Examples
+    --------
+    >>> off_by(0.02), off_by(0.3), off_by(2.98), off_by(50.0)
+    ('2 %', '35 %', 'a factor of 20', 'more than a factor of 1000')
+    """
+    if log > math.log(MOST_FACTOR):
+        return f"more than a factor of {MOST_FACTOR:g}"
+    factor = math.exp(log)
+    return percent(math.expm1(log)) if factor < 2.0 else f"a factor of {factor:.2g}"
+
+
+def share_of(log: float) -> float:
+    """Return the share that such an error may add, no more than is told apart."""
+    return math.expm1(min(log, math.log(MOST_FACTOR)))
 
 
 def change(share: float) -> str:

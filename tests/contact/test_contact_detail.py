@@ -137,10 +137,11 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
 
 
 @pytest.mark.parametrize(
-    ("of_pixels", "told", "energy"), [(0.31, "31.0%", 0.31), (0.06, "6.0%", 0.2), (0.05, None, 0.2)]
+    ("of_pixels", "told", "energy"),
+    [(0.31, "36 %", np.expm1(0.31)), (0.06, "6.2 %", 0.2), (0.05, None, 0.2)],
 )
 def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pixels, told, energy):
-    """Whoever reads of 4 % would not know why the interval has 31."""
+    """Whoever reads of 4 % would not know why the interval has 36."""
     of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
     (said,), _ = _of_detail(of_map, of_pixels, TOLERANCE, 1e-4, of_pixels < 0.1)
     assert (said.severity, said.effect) == ("warning", Effect(0.2, energy, energy))
@@ -156,8 +157,12 @@ def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pix
 def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixels, finer):
     less = _less_noise(0.1 / TOLERANCE, None, 1e-4)
     said = _noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, less)
-    assert said.effect.energy == said.effect.loss_factor == pytest.approx(np.hypot(0.1, of_pixels))
-    assert "a point leaves up to 10.0%" in said.message
+    assert (
+        said.effect.energy
+        == said.effect.loss_factor
+        == pytest.approx(np.expm1(np.hypot(0.1, of_pixels)))
+    )
+    assert "a point leaves up to 11 %" in said.message
     assert ("its pixels up to" in said.message) == (of_pixels > TOLERANCE)
     assert ("smaller pixels" in said.step) == finer
     assert ("=0.0005" in said.step) != finer  # a filter of five pixels
@@ -195,7 +200,7 @@ def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warn
         _, problems = error_of_map(curve, LOAD_N, tolerance)
         said = [one for one in problems if one.code == "small_slip_extrapolated"]
         assert [one.severity for one in said] == ["warning" if warned else "info"]
-        assert said[0].effect.energy == pytest.approx(left) or not warned
+        assert said[0].effect.energy == pytest.approx(np.expm1(left)) or not warned
 
 
 def test_noise_on_them_is_warned_and_its_error_stated(surface):

@@ -350,7 +350,7 @@ def test_a_model_that_is_forced_counts_by_patches_as_one_that_is_chosen(tmp_path
     ("of_map", "said"),
     [
         (ModelError(0.01, 0.02), None),
-        (ModelError(0.5, 0.9), "may be off by 90 %"),
+        (ModelError(0.5, 0.9), "may be off by a factor of 2.5"),
         (None, "does not know how far it is off"),
         ("fails", "fails: no solution"),
     ],

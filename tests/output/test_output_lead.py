@@ -95,6 +95,8 @@ def test_a_structure_that_is_not_lightly_damped_has_no_loss_factor():
     ("ends", "said"),
     [
         ([3e-9, 9e-9], "energy 3 nJ to 9 nJ"),
+        ([1.13e-20, 9e-9], "energy less than 1 fJ to 9 nJ"),
+        ([1.1e-15, 9e-9], "energy 1.1 fJ to 9 nJ"),
         ([3e-9, None], "energy above 3 nJ, no upper bound"),
         ([None, None], "energy without a bound"),
         (None, "energy without a bound"),

@@ -31,7 +31,7 @@ from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading, path_at
 from capslip.errors import OutOfTimeError
 from capslip.problems import KINDS, Effect, Problem, Severity
 from capslip.surface.between import missed_of_all_m
-from capslip.units import percent
+from capslip.units import off_by, percent, share_of
 
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 TELLS_NOISE = (
@@ -301,10 +301,10 @@ def _of_detail(
     if of_pixels <= max(tolerance, asked):
         step += "; else a finer scan"
     else:
-        left = f"{of_pixels:.1%} in the energy at {percent(ASKED)} of gross slip"
+        left = f"{off_by(of_pixels)} in the energy at {percent(ASKED)} of gross slip"
         message += f"; pixels leave up to {left}"
         step = f"{_unresolved('warning', ASKED, of_pixels).advice}; {step}"
-        energy = max(effect.energy or 0.0, of_pixels)
+        energy = max(effect.energy or 0.0, share_of(of_pixels))
         effect = replace(effect, energy=energy, loss_factor=energy)
     return [Problem("detail_decides", "warning", message, effect, step)], factor
 
@@ -389,9 +389,10 @@ def _out_of_time(limit_s: float) -> Problem:
 def _unresolved(severity: Severity, share: float, error: float) -> Problem:
     message = (
         f"at {percent(share)} of the force at gross slip pixels and noise of the map leave up to "
-        f"{error:.1%} in the energy per cycle"
+        f"{off_by(error)} in the energy per cycle"
     )
-    return Problem("small_slip_extrapolated", severity, message, Effect(None, error, error))
+    moved = share_of(error)
+    return Problem("small_slip_extrapolated", severity, message, Effect(None, moved, moved))
 
 
 def _noise_taken(taken: TakenNoise) -> Problem:
@@ -427,12 +428,12 @@ def _less_noise(
 
 
 def _noisy(noise: str, of_noise: float, of_pixels: float, tolerance: float, less: str) -> Problem:
-    error = math.hypot(of_noise, of_pixels)
+    moved = share_of(math.hypot(of_noise, of_pixels))
     message = (
-        f"{noise} a point leaves up to {of_noise:.1%} in the energy per cycle "
+        f"{noise} a point leaves up to {off_by(of_noise)} in the energy per cycle "
         f"at {percent(ASKED)} of the force at gross slip"
     )
     if of_pixels > tolerance:
-        message += f", and its pixels up to {of_pixels:.1%}"
+        message += f", and its pixels up to {off_by(of_pixels)}"
     step = _unresolved("warning", ASKED, of_pixels).advice if of_pixels > of_noise else less
-    return Problem("detail_decides", "warning", message, Effect(None, error, error), step)
+    return Problem("detail_decides", "warning", message, Effect(None, moved, moved), step)

@@ -34,6 +34,7 @@ INTERVALS = {  # what a number is called, by its name; {0} is an end
     "joint_loss_factor": ("loss factor of the joint", "{{answer_joint_loss_factor_{0}}}"),
     "loss_factor": ("of the structure", "{{answer_loss_factor_{0}}}"),
 }
+LEAST = {"energy_J": (1e-15, "1 fJ")}  # that has a prefix, by the same names
 MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two to three at best"
 NOTHING_KNOWN = (
     "no interval: the error of the model is not known, and no spread was given that it can carry"
@@ -102,7 +103,7 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     for name, (label, end) in INTERVALS.items():
         low, high = answer["interval"][name] or (None, None)
         if answer[name] is not None and (low is None or low != high):  # else nothing moves it
-            ranges.append(f"{label} {_range(end, low, high)}")
+            ranges.append(f"{label} {_range(end, low, high, LEAST.get(name))}")
     shares = answer["contributions"]["energy_J"].items()
     shares = sorted(shares, key=lambda one: -one[1])
     parts = ", ".join(
@@ -140,11 +141,18 @@ def oscillates(summary: dict[str, Any]) -> bool:
     return all(one["setting"] != "slip.normal_amplitude_ratio" for one in summary["assumed"])
 
 
-def _range(end: str, low: float | None, high: float | None) -> str:
-    """Return both ends of an interval as they are named; an absent one has no bound."""
+def _range(
+    end: str, low: float | None, high: float | None, least: tuple[float, str] | None = None
+) -> str:
+    """Return both ends of an interval as they are named; an absent one has no bound.
+
+    A low one below the least that has a prefix is told as such.
+    """
     if low is None:
         return "without a bound"
     text = end.format("low")
+    if high is not None and least is not None and 0.0 < low < least[0] <= high:
+        return f"less than {least[1]} to {end.format('high')}"
     return f"above {text}, no upper bound" if high is None else f"{text} to {end.format('high')}"
 
 
