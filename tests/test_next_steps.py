@@ -51,6 +51,33 @@ def test_a_map_that_there_was_no_time_for_is_a_step():
     assert one.remedy == found["not_spherical"].rstrip(".") == "--model boundary_elements"
 
 
+def step_of(code, *overrides, pressed="interacting"):
+    problem = Problem(code, KINDS[code].severities[0], "so")
+    answers = None if pressed is None else rung(pressed)
+    settings = load_settings(overrides=overrides)
+    (one,) = with_next_steps([problem], SimpleNamespace(is_scan=True), settings, answers)
+    return one.remedy
+
+
+def test_no_step_is_what_the_settings_have_done_already():
+    assert "conditioning.outliers=isolated" not in step_of("outliers")
+    assert "--set conditioning.outliers=isolated" in step_of(
+        "outliers", "conditioning.outliers=none"
+    )
+    assert "separation" not in step_of("connected_network")
+    assert "--set hills.pruning_height_m" in step_of("connected_network")
+    as_regions = step_of("connected_network", "hills.separation=regions")
+    assert as_regions == "--set hills.separation=watershed; or --model boundary_elements."
+    assert step_of("connected_network", pressed="boundary_elements") == PRESSED
+
+
+@pytest.mark.parametrize("model", ["interacting", "caps", "mean_field", "boundary_elements"])
+def test_a_model_that_was_forced_and_fails_gives_way_to_the_choice(model):
+    forced = step_of("contact_failed", f"contact.model={model}", pressed=None)
+    assert forced.startswith("--model auto")
+    assert step_of("contact_failed", pressed=None) == KINDS["contact_failed"].remedy
+
+
 @pytest.mark.parametrize(
     ("model", "step"),
     [("boundary_elements", WHY), ("auto", WHY), ("caps", "--model boundary_elements.")],

@@ -10,6 +10,12 @@ from capslip.problems import Problem
 from capslip.settings import Settings
 
 PRESS_THE_MAP, PRESSED = "--model boundary_elements", "Nothing: the map itself was pressed."
+SEPARATE = "--set hills.separation=watershed"
+# The rule takes off what stands alone; what it left is wider than that
+LEFT_BY_RULE = "Look at figures/height_map.png: points that stand alone are removed already."
+TAKE_ANOTHER = (
+    "--model auto, which looks for one that carries it; or check the load, --area and units."
+)
 # Where the joint is larger than its scan, whose bulk is not that of the joint, see `joint_of`
 OF_THE_PARTS = {
     "bulk_dominates": "Take the stiffness of the parts as the joint's: the face adds next to none.",
@@ -40,12 +46,27 @@ def with_next_steps(
     for one in problems:
         if one.code == "boundary_elements_needed" and one.step is not None:
             instead = one.step  # they fail, or there are two maps
-    found = problems
+    own = _of_settings(settings, pressed)
+    found = [replace(one, step=own[one.code]) if one.code in own else one for one in problems]
     if instead is not None:
         found = [_without_the_map(one, instead) for one in found]
     if not joint.is_scan:
         found = [replace(one, step=OF_THE_PARTS.get(one.code, one.step)) for one in found]
     return tuple(found)
+
+
+def _of_settings(settings: Settings, pressed: Rung | None) -> dict[str, str]:
+    """Return the steps, by code, in place of those that the settings have taken already."""
+    steps = {}
+    if settings.conditioning.outliers == "isolated":
+        steps["outliers"] = LEFT_BY_RULE
+    if pressed is not None and pressed.made_from == "map":
+        steps["connected_network"] = PRESSED
+    elif settings.hills.separation == "regions":
+        steps["connected_network"] = f"{SEPARATE}; or {PRESS_THE_MAP}."
+    if settings.contact.model != "auto":
+        steps["contact_failed"] = TAKE_ANOTHER
+    return steps
 
 
 def _without_the_map(problem: Problem, instead: str) -> Problem:
