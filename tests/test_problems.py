@@ -466,6 +466,8 @@ ROWS = [
     Row("load_on_doubtful_caps", "info", "25% of the preload",
         "three-at-the-edge levelled loosely"),
     Row("yielded", "info", "hardness of 0.0028 GPa", "plain weak", "plain strong"),
+    Row("yielded", "warning", "by finite elements of spheres that moves the stiffness by",
+        "plain weak in-time", "plain strong in-time"),
     Row("pressures_interpolated", "info", "solved once for 2 pressures", "noisy solved uneven",
         "noisy uneven"),
     Row("pressures_interpolated", "warning", "9.1 % of the preload", "noisy solved spread",

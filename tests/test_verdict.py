@@ -111,7 +111,7 @@ def test_the_next_step_of_a_usable_result_is_to_give_what_is_assumed_or_to_measu
     assert verdict(known, [], None).endswith(f"three; next: {first.option}")
     every = load(*EVERY.values(), *SPREADS)
     assert verdict(every, [], 1e-9).endswith("next: measure a loss factor, and capslip compare it")
-    assert "within 0.1 % of the same elastic face" in verdict(every, [], 1e-9)
+    assert "within 0.1 % of the same face with its hardness pressed" in verdict(every, [], 1e-9)
 
 
 def test_the_accuracy_is_that_of_the_force_which_is_answered():

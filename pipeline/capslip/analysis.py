@@ -15,7 +15,12 @@ from capslip.contact.rung import rung
 from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
-from capslip.doubts import counted_by_patches, problems_of, problems_of_settings
+from capslip.doubts import (
+    counted_by_patches,
+    problems_of,
+    problems_of_settings,
+    with_what_law_moves,
+)
 from capslip.errors import ContactError, SettingsError, check_call
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
@@ -94,6 +99,7 @@ def analyze(
         found = replace(found, contact=contact, problems=(*found.problems, *more))
         if contact.light is not None:
             found = replace(found, problems=counted_by_patches(face, found))
+        found = replace(found, problems=tuple(with_what_law_moves(found.problems, found)))
     found = _with_band(found, clock)
     if not settings.run.sensitivity or not face.caps.usable.any():
         return found

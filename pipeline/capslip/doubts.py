@@ -1,5 +1,6 @@
 """What makes the numbers of an analysis doubtful, collected in the order of the stages."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from capslip.contact.doubts import (
 )
 from capslip.contact.effects import with_effects
 from capslip.contact.map_accuracy import ASKED
+from capslip.contact.plastic_law import with_law
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.slip import SlipCurve
@@ -109,11 +111,8 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     ]
     caps = face.caps.with_columns(flags=doubtful.flags, contact_radius_m=doubtful.contact_radius_m)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
-    share = ASKED
-    if found.answer is not None and found.slip is not None:
-        share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
-    problems = _less_voids(problems, face, settings)
-    problems = with_effects(problems, *pressed, contact, share)
+    problems = with_what_law_moves(_less_voids(problems, face, settings), found)
+    problems = with_effects(problems, *pressed, contact, _share_asked(found))
     return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
 
 
@@ -146,6 +145,23 @@ def problems_of_settings(settings: Settings, scanned: bool, mated: bool) -> list
         for severity, names, why in idle
         if names
     ]
+
+
+def with_what_law_moves(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
+    """Return the problems, with what the plastic law of a pressed map moves at the force asked for.
+
+    Of a model that the settings force that is found last.
+    """
+    errors = None if found.contact is None else found.contact.errors
+    law, tolerance = None if errors is None else errors.law, found.settings.contact.tolerance
+    return with_law(list(problems), law, _share_asked(found) or ASKED, tolerance)
+
+
+def _share_asked(found: Analysis) -> float:
+    """Return the force that is answered over that of gross slip, where there is one."""
+    if found.answer is None or found.slip is None:
+        return ASKED
+    return found.answer.slip_force_N / float(found.slip.total_slip_force_N)
 
 
 def counted_by_patches(face: Face, found: Analysis) -> tuple[Problem, ...]:

@@ -71,8 +71,8 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
     if joint.area_m2 is None and not mapped and settings.families.m is None:
         key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
         found.append(("joint area", key, "that of the scan", moves, "--area A", False))
-    yields = material.hardness_Pa is not None or material.yield_stress_Pa is not None
-    if not yields:
+    may_yield = yields(settings)
+    if not may_yield:
         key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
         found.append(("yield", key, "none, elastic", moves, "--material steel", False))
     if settings.slip.normal_amplitude_ratio == 0.0:
@@ -83,7 +83,7 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
         "preload": ("contact.preload_spread", contact.preload_spread),
         "modulus": ("material.modulus_spread", material.modulus_spread),
     }
-    if yields:
+    if may_yield:
         spreads["hardness"] = ("material.hardness_spread", material.hardness_spread)
     certain = [name for name, (_, spread) in spreads.items() if spread == 0.0]
     if certain:
@@ -96,6 +96,12 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
         value = "white, as heights change from pixel to pixel"
         found.append(("noise", key, value, moves, f"--set {key}=N_M", False))
     return tuple(Assumption(*one) for one in found)
+
+
+def yields(settings: Settings) -> bool:
+    """Tell whether the settings let the face yield."""
+    material = settings.material
+    return material.hardness_Pa is not None or material.yield_stress_Pa is not None
 
 
 def verdict(
@@ -117,8 +123,8 @@ def verdict(
         Of the whole result. The reason is, of the worst, one that spoils every number, else the
         one that moves most; where that moves a number by more than itself, it is said which.
     estimated_error : float or None
-        Of energy at given force and of stiffness, against the elastic face pressed exactly: the
-        greatest from a tenth of gross slip on.
+        Of energy at given force and of stiffness, against the face pressed exactly, elastic or with
+        its hardness: the greatest from a tenth of gross slip on.
     error_of_answer : float or None
         The same at the force that is answered, where it is known.
     scans : tuple of int, optional
@@ -148,7 +154,8 @@ def verdict(
         here, most = (f"{max(100.0 * error, 0.1):.2g} %" for error in (asked, estimated_error))
         less = estimated_error > asked and most != here
         beside = f"; up to {most} from a tenth of gross slip on" if less else ""
-        accuracy = f"within {here} of the same elastic face pressed exactly (estimated{beside})"
+        face = "face with its hardness" if yields(settings) else "elastic face"
+        accuracy = f"within {here} of the same {face} pressed exactly (estimated{beside})"
     if part_within is not None:
         accuracy += f", as a part of its joint within about {part_within:.0%} in the energy"
     use = "stiffness and slip of the joint"

@@ -9,6 +9,7 @@ import numpy as np
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.map_curve import BoundaryElementCurve
+from capslip.contact.plastic_law import LawError, law_of_map
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import (
     FORCE_SHARES,
@@ -74,6 +75,7 @@ class _Causes:
     given: Mapping[float, float] | None = None  # by shares of mu N, what noise that is given does
     coarser: Mapping[float, float] | None = None  # the same, what coarser pixels move
     between: Mapping[float, float] | None = None  # the same, what laid faces miss
+    law: LawError | None = None  # what the plastic law leaves, at any force
 
     def at(self, share: float) -> tuple[float, float]:
         """Return what pixels and noise do to the energy at a share of mu N, relative, at 95 %."""
@@ -98,9 +100,10 @@ def error_of_map(
 ) -> tuple[ModelError | None, tuple[Problem, ...]]:
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
-    What is left between the solved loads, what pixels and noise leave, and what the finest
-    detail of the map decides. Of the energy these fall with the force: they are no more than noted
-    where they are beyond the tolerance below a quarter of mu N alone.
+    What is left between the solved loads, what pixels and noise leave, what the finest detail of
+    the map decides, and the law by which it yields, see `law_of_map`. Of the energy all but that
+    fall with the force: they are no more than noted where they are beyond the tolerance below a
+    quarter of mu N alone.
 
     Parameters
     ----------
@@ -122,7 +125,8 @@ def error_of_map(
         found.append(_between_loads(unloading))
     least = max(between, LEAST_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
-    causes = _Causes(unloading, _counted_m(white_m, first.approach_m))
+    counted_m, law = _counted_m(white_m, first.approach_m), law_of_map(curve, load_N)
+    causes = _Causes(unloading, counted_m, law=law)
     if noise_m is not None:
         causes = replace(causes, given=_of_given(curve, load_N, first, noise_m))
     if (missed := _missed(curve, load_N, first, noise_m)) is not None:
@@ -344,7 +348,8 @@ def _with_pixels(
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     greatest = max(error for _, error in by_share)
     stiffness = max(stiffness, STIFFNESS_MISSED * causes.missed_at(FORCE_SHARES[-1]))
-    return ModelError(stiffness, greatest, tuple(by_share), _unknown_to(causes.unloading))
+    unknown_to = _unknown_to(causes.unloading)
+    return ModelError(stiffness, greatest, tuple(by_share), unknown_to, causes.law)
 
 
 def _unknown_to(unloading: Unloading) -> float:

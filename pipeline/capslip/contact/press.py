@@ -269,9 +269,9 @@ def press(  # long: one state, field by field
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance, scene.noise_m)
-        better = choice.caps_within(errors.greatest) if errors and _ask_caps(doubts) else None
-        if better is not None and errors is not None:
-            return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)
+        better = choice.caps_within(of_map := _by_detail(errors, doubts))
+        if better is not None:
+            return _by_caps(better, doubts, of_map, (caps, families, surface), settings)
         problems += doubts
     state = ContactState(
         rung=model,
@@ -336,6 +336,16 @@ def _eccentricity_m(found: Contacts, scene: Scene) -> tuple[float, float] | None
         return None
     x_m, y_m = np.subtract(found.resultant_m, scene.load_point_m).tolist()
     return x_m, y_m
+
+
+def _by_detail(errors: ModelError | None, doubts: tuple[Problem, ...]) -> float:
+    """Return the error of a map whose detail decides, 0 where it does not, or none is known.
+
+    Without that of its plastic law: caps leave as much of how they yield.
+    """
+    if errors is None or not _ask_caps(doubts):
+        return 0.0
+    return errors.without_law.greatest
 
 
 def _by_caps(

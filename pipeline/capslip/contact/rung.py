@@ -5,9 +5,9 @@ No other module asks for the name of a rung; whatever sets one apart is an attri
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import known_noise_m
+
+if TYPE_CHECKING:
+    from capslip.contact.plastic_law import LawError
 
 FOLDER = "contact.models"
 C = TypeVar("C", bound=NormalCurve)
@@ -110,6 +113,7 @@ class ModelError:
     # Shares of mu N, growing, and the error of the energy at each, where it falls with the force
     energy_by_share: tuple[tuple[float, float], ...] = ()
     unknown_to: float = 0.0  # share of mu N, up to which the energy is anything in its rectangle
+    law: "LawError | None" = None  # what a map that yields leaves beside all that; None: nothing
 
     @classmethod
     def of_either(cls, error: float | None) -> "ModelError | None":
@@ -118,12 +122,28 @@ class ModelError:
 
     @property
     def greatest(self) -> float:
-        """The greater of both."""
-        return max(self.stiffness, self.energy)
+        """The greater of both, with what the plastic law leaves from a tenth of mu N on."""
+        both = self.stiffness, self.energy
+        if self.law is None:
+            return max(both)
+        return max(math.hypot(*one) for at in self.law.shares for one in self._with_law(both, at))
+
+    @property
+    def without_law(self) -> "ModelError":
+        """The errors of the solution alone."""
+        return replace(self, law=None)
 
     def greatest_at(self, share: float) -> float:
         """Return the greater of the errors of stiffness and of the energy at a share of mu N."""
-        return max(self.stiffness, self.energy_at(share))
+        both = self.stiffness, self.energy_at(share)
+        if self.law is None:
+            return max(both)
+        return max(math.hypot(*one) for one in self._with_law(both, share))
+
+    def _with_law(self, both: tuple[float, float], share: float) -> Iterator[tuple[float, float]]:
+        """Give each of two errors with that of the plastic law at a share of mu N."""
+        assert self.law is not None
+        return zip(both, self.law.errors(share), strict=True)
 
     def energy_at(self, share: float) -> float:
         """Return the error of the energy at a share of mu N, a power between those known.

@@ -200,7 +200,8 @@ def error_of_joint(
     ]
     K = float(stiffness @ power_between(place, *(end.stiffness for end in ends)))
     greatest = max(error for _, error in by_share)
-    found = ModelError(K, greatest, tuple(by_share), known.unknown_to)
+    # The plastic law of the heaviest: contacts of a rough face hardly bear more under more load
+    found = ModelError(K, greatest, tuple(by_share), known.unknown_to, known.law)
     W, asked = found.energy_at(ASKED), energy[SHARES.index(ASKED)]
     if max(K, W) <= tolerance:
         return found, problems, asked

@@ -108,10 +108,14 @@ def methods_paragraph(summary: dict[str, Any], settings: "Settings") -> str:
     estimated = summary["accuracy"]["estimated"]
     if estimated is not None:
         found.append(
-            f"Against the same elastic face pressed exactly, stiffness and energy are estimated to "
-            f"within {percent(estimated)} from a tenth of gross slip on."
+            f"Against the same {_face(contact)} pressed exactly, stiffness and energy are "
+            f"estimated to within {percent(estimated)} from a tenth of gross slip on."
         )
     return " ".join(found)
+
+
+def _face(contact: dict[str, Any]) -> str:
+    return "elastic face" if contact["hardness_Pa"] is None else "face with its hardness"
 
 
 def conditioned(steps: Iterable[dict[str, Any]]) -> str:

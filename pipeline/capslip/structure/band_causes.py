@@ -31,7 +31,8 @@ class Left:
 
     caps: np.ndarray  # (r, 2), a root of the covariance
     model: np.ndarray  # (r, 2), the same
-    # (2,), by which interacting caps answer otherwise than the model in use: no chance is in that
+    # (2,), by which interacting caps, or finite elements of what yields, answer otherwise than the
+    # model in use: no chance is in that
     shift: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
 
@@ -59,7 +60,9 @@ def _of_one(state: State, part: Part) -> Left:
         known = [one for one in (contact.errors, contact.patch_errors) if one is not None]
         energy = [ANY if share <= one.unknown_to else one.energy_at(share) for one in known]
         of_each = np.array([[one.stiffness for one in known], energy])
-        return Left(np.zeros((2, 2)), np.diag(np.linalg.norm(of_each, axis=1)) / NORMAL_95)
+        solved = np.diag(np.linalg.norm(of_each, axis=1))
+        shift, of_law = _of_law(state, contact, share)
+        return Left(np.zeros((2, 2)), _root(np.vstack((solved, of_law)) / NORMAL_95), shift)
     e = state.answer.displacement_m / (friction * contact.composite.kappa)
     if light is not None:
         return _of_uneven(state, part, light, share, e)
@@ -70,6 +73,28 @@ def _of_one(state: State, part: Part) -> Left:
         d = contact.curve.approach_m(contact.preload_N)
         at = float(contact.curve.withdrawal_m(d, share * contact.preload_N))
     return _of_moved(contact, share, at, state.at_constant_load)
+
+
+def _of_law(state: State, contact: ContactState, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the plastic law of a pressed map moves, shape (2,), and leaves at 95 %, (r, 2).
+
+    At a given displacement the force goes as that is moved at a given force, and the energy with
+    both.
+    """
+    law = None if contact.errors is None else contact.errors.law
+    if law is None:
+        return np.zeros(2), np.zeros((0, 2))
+    shift, left = np.array(law.shift(share)), law.half_95(share)
+    if state.by_force:
+        return shift, left
+    e = state.answer.displacement_m / (
+        state.settings.material.friction_coefficient * contact.composite.kappa
+    )
+    near = e * np.array([1.0 - STEP, 1.0 + STEP])
+    log = _log(state.response(contact.curve, contact.curve.approach_m(contact.preload_N), near))
+    slope = (log[:, 1] - log[:, 0]) / np.log(near[1] / near[0])
+    at_displacement_of = np.vstack((-slope, (0.0, 1.0)))
+    return shift @ at_displacement_of, left @ at_displacement_of
 
 
 def _of_moved(contact: ContactState, share: float, at: float, response: Response) -> Left:
