@@ -56,7 +56,7 @@ def main() -> None:
     type=click.Choice(registry.names("output.exports")),
     multiple=True,
     callback=one_alone,
-    help="For another program: jenkins.csv, sliders of the joint; law.*, its face per area.",
+    help="For another program, one at a time: jenkins.csv, sliders; law.*, its face per area.",
 )
 def analyze(
     surfaces: tuple[Path, ...],

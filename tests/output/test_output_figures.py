@@ -14,6 +14,7 @@ from PIL import Image
 from capslip.analysis import analyze, analyze_once
 from capslip.caps.table import CapFlag
 from capslip.contact.varying_load import varying
+from capslip.output import figures_contact
 from capslip.output.canvas import blank, height_limits, save, write_decades, write_png
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
@@ -172,6 +173,18 @@ def test_an_extrapolated_loss_is_drawn_pale():
     stiffness = analysis.damping.joint_stiffness_N_per_m
     assert veil.get_extents().width > 0.0
     assert veil.get_x() + veil.get_width() == pytest.approx(force_N / stiffness / unit_m)
+
+
+@pytest.mark.parametrize(("factor", "named"), [(0.9, False), (1.1, True)])
+def test_the_end_of_what_pixels_resolve_is_named_where_it_is_in_view(
+    factor, named, several, monkeypatch
+):
+    axes = FIGURES["energy"].draw(several).axes[0]
+    unit_m = {"nm": 1e-9, "µm": 1e-6}[axes.get_xlabel().partition("[")[2].rstrip("]")]
+    end_N = float(several.slip.force_N(factor * axes.get_xlim()[0] * unit_m))
+    monkeypatch.setattr(figures_contact, "_resolved_from_N", lambda analysis: end_N)
+    axes = FIGURES["energy"].draw(several).axes[0]
+    assert any("pixels" in line.get_label() for line in axes.get_lines()) == named
 
 
 def test_map_has_equal_scale_and_one_grey_patch(several):

@@ -244,6 +244,9 @@ def test_causes_are_ranked_by_the_greatest_of_their_effects():
         problem("clipped", energy=0.1),
     ]
     assert [one["code"] for one in causes({"problems": each})] == ["bow_left", "seams", "spikes"]
+    assert {one["code"] for one in causes({"problems": each}, most=None)} == {
+        one["code"] for one in each if one["severity"] != "info"
+    }
 
 
 def test_causes_are_errors_then_what_spoils_every_number_then_by_effect_and_no_notes():

@@ -227,6 +227,14 @@ def test_a_code_that_warns_is_not_noted_beside_it():
         assert [name.rstrip(":") for name in named] == noted
 
 
+def test_the_terminal_names_a_note_once_however_often_it_was_found():
+    note = Problem("small_slip_extrapolated", "info", "so")
+    found = replace(output_cases.several(), problems=(note, note))
+    assert (
+        result_lines(found).splitlines()[-1] == "  info     small_slip_extrapolated: see the report"
+    )
+
+
 def test_the_terminal_says_what_is_absent_in_plain_letters():
     lines = result_lines(output_cases.none()).splitlines()
     lines = lines[[line[:4] for line in lines].index("scan") :]

@@ -176,7 +176,10 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     axes.loglog(
         displacement_m[positive] / unit_m, energy_J[positive], color=INK, linewidth=1.8, label="W"
     )
-    _veil_unresolved(axes, analysis, lambda force_N: float(slip.displacement_m(force_N)) / unit_m)
+    _veil_unresolved(
+        *(axes, analysis, begin_m / unit_m),
+        lambda force_N: float(slip.displacement_m(force_N)) / unit_m,
+    )
     _shade_scatter(
         axes, analysis, displacement_m / unit_m, lambda one: one.energy_J(displacement_m)
     )
@@ -246,11 +249,12 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
         axes.plot(first_m / unit_m, first, "o", color=INK, markersize=6, label=label)
     _mark_loss_factor(axes, analysis, unit_m)
     per_N = 1.0 / (damping.joint_stiffness_N_per_m * unit_m)
-    _veil_unresolved(axes, analysis, lambda force_N: force_N * per_N)
+    least = damping.amplitude_m.min() / unit_m
+    _veil_unresolved(axes, analysis, least, lambda force_N: force_N * per_N)
     colour = PHASES[2][1]
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
-    axes.set_xlim(damping.amplitude_m.min() / unit_m, 3 * gross_m / unit_m)
+    axes.set_xlim(least, 3 * gross_m / unit_m)
     write_decades(axes.xaxis)
     axes.set(xlabel=f"amplitude v at mid-span [{unit}]", ylabel="loss factor η")
     if (eta > 0.0).any():
@@ -278,10 +282,12 @@ def _resolved_from_N(analysis: "Analysis") -> float:
     return share * float(slip.total_slip_force_N)
 
 
-def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float], float]") -> None:
-    """Whiten the curve where less slips than the pixels of the map resolve."""
+def _veil_unresolved(
+    axes: "Axes", analysis: "Analysis", least: float, place: "Callable[[float], float]"
+) -> None:
+    """Whiten the curve, shown from the least on, where less slips than the pixels resolve."""
     end = place(_resolved_from_N(analysis))
-    if end > 0.0:
+    if end > least:  # else the legend would name a line that is not in view
         begin = min(axes.get_xlim()[0], end) / 10.0
         axes.axvspan(
             begin, end, color="white", alpha=0.65, linewidth=0.0, label="_veil", zorder=2.5

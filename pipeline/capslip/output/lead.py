@@ -195,15 +195,15 @@ MOVED = {
 IN_NUMBERS = "moves the stiffness by"  # a message that says it itself
 
 
-def causes(summary: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the problems that a reader has to know first, at most three: errors, then warnings.
+def causes(summary: dict[str, Any], most: int | None = MOST_CAUSES) -> list[dict[str, Any]]:
+    """Return the problems that a reader has to know first: errors, then warnings. None: all.
 
     Each with what it does to the numbers: as measured, or else what all of its kind do. Those that
     spoil every number come first, then those that move most.
     """
     serious = [one for one in summary["problems"] if one["severity"] != "info"]
     serious.sort(key=_rank)
-    return [{**one, "does": effect_text(one)} for one in serious[:MOST_CAUSES]]
+    return [{**one, "does": effect_text(one)} for one in serious[:most]]
 
 
 def _rank(problem: dict[str, Any]) -> tuple[bool, bool, float]:

@@ -146,7 +146,7 @@ def write_report(
         answer=[text for _, text in answer_lines(summary, DASH)],
         joint=joint_line(summary, DASH),
         assumed=assumed_lines(summary),
-        causes=causes(summary),
+        causes=causes(summary, most=None),
         problems=[{**one, "does": effect_text(one)} for one in problems],
         headlines=_headlines(summary),
         limits=limits(summary),

@@ -93,7 +93,7 @@ def result_lines(analysis: JointResult) -> str:
     serious = [one for one in analysis.problems if one.severity != "info" or not on_page]
     lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in serious]
     said = {p.code for p in serious}
-    if codes := [p.code for p in analysis.problems if p.code not in said]:
+    if codes := dict.fromkeys(p.code for p in analysis.problems if p.code not in said):
         lines.append(f"  info     {', '.join(codes)}: see the report")
     return "\n".join(printable(line) for line in lines).replace("µ", "u")
 
