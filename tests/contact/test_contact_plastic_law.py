@@ -67,7 +67,10 @@ def test_the_interval_of_a_map_that_yields_holds_the_caps_of_finite_elements(ove
     low, high = found.band.interval["energy_J"]
     assert low <= W <= high
     (said,) = (one for one in found.problems if one.code == "yielded")
-    assert (said.severity, said.effect.energy) == ("warning", said.effect.loss_factor)
+    assert said.severity == (
+        "warning" if K / found.answer.tangential_stiffness_N_per_m > 1.05 else "info"
+    )
+    assert said.effect.energy == said.effect.loss_factor
     # To the caps in the stiffness, half way in the energy
     middle = math.sqrt(W / found.answer.energy_J)
     assert abs(middle - 1.0) == pytest.approx(said.effect.energy, abs=0.06 * middle)

@@ -133,6 +133,9 @@ def with_law(
 ) -> list[Problem]:
     """Return the problems, with what the plastic law moves in `yielded`.
 
+    A warning by the stiffness, which is wrong one way. Of the energy laws of unloading differ, by a
+    factor where all is plastic: that is no doubt about this face, and is in its interval.
+
     Parameters
     ----------
     problems : list of Problem
@@ -141,12 +144,12 @@ def with_law(
     share : float
         Of mu N, that is asked for.
     tolerance : float
-        Beyond which that is a warning.
+        Of the stiffness, beyond which that is a warning.
     """
     if law is None:
         return problems
     stiffness, energy = law.errors(share)
-    severity: Severity = "warning" if max(stiffness, energy) > tolerance else "info"
+    severity: Severity = "warning" if stiffness > tolerance else "info"
     of_law = (
         f"metal yields below its surface before, and unloads more evenly, than a map whose "
         f"pressures end at the hardness: by finite elements of spheres that moves the stiffness by "

@@ -130,9 +130,8 @@ class Solutions:
             If the limit is over.
         """
         limit_s, tolerance = self.time_limit_s - spent_s, self.tolerance
-        if (
-            spent_s > 0.0 and limit_s <= 0.0
-        ):  # any solution has some seconds, however many there are
+        # Any solution has some seconds, however many there are
+        if spent_s > 0.0 and limit_s <= 0.0:
             raise OutOfTimeError(
                 f"{self.face.name}: no load found at an approach of {approach_m:g} m when "
                 "contact.time_limit_s was over; allow more, or coarsen the map"
