@@ -9,7 +9,7 @@ import pytest
 from capslip.contact.solvers import detail, path
 from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
-from capslip.contact.solvers.losses import left_out, losses, region_losses
+from capslip.contact.solvers.losses import Losses, left_out, losses, region_losses
 from capslip.contact.solvers.path import CLOSEST, FINEST, Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
 from capslip.surface.heightmap import HeightMap
@@ -83,6 +83,16 @@ def test_a_face_that_all_but_lets_go_at_once_has_losses_that_are_numbers():
         assert np.isfinite(np.log(column)).all()
         assert (np.diff(column) > 0).all()
     assert table[2][-1] == pytest.approx(1.0)
+
+
+def test_a_first_load_that_loses_next_to_nothing_is_no_overflow():
+    """Its cubic rises beyond all numbers before the next load: these points are none."""
+    z, log_loss = np.log([1.0, 1.0001, 2.0, 3.0]), np.log([1e-20, 1e-6, 1.0, 4.0])
+    table = Losses(1.0, z, log_loss, np.array([6e12, 7e3, 3.0, 3.0]), (5.0, 40.0)).table()
+    for column in table:
+        assert np.isfinite(np.log(column)).all()
+        assert (np.diff(column) > 0).all()
+    assert table[2][-1] == pytest.approx(4.0)
 
 
 def test_a_point_that_is_left_out_tells_the_error():

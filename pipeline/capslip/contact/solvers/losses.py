@@ -48,12 +48,12 @@ class Losses:
         slope = np.append(3.0, self.slope)
         rows = [_cubic(z, log_loss, slope, k) for k in range(len(slope) - 1)]
         at, value, rate = (np.concatenate(part) for part in zip(*rows, strict=True))
-        more = np.exp(at)
-        s_N = 0.5 * np.sqrt(np.maximum(rate, 0.0) * np.exp(value - at))
-        x_m = (self.compliance_m_per_N + more) * s_N
-        loss_J = np.exp(value)
         # No cubic may rise above the point it leads to, which would then be lost, nor fall; where
         # nearly all lets go at once it begins with losses that are no numbers any more.
+        with np.errstate(over="ignore", invalid="ignore"):
+            more, loss_J = np.exp(at), np.exp(value)
+            s_N = 0.5 * np.sqrt(np.maximum(rate, 0.0) * np.exp(value - at))
+            x_m = (self.compliance_m_per_N + more) * s_N
         most_N = 0.5 * np.sqrt(slope[1:] * np.exp(log_loss[1:] - z[1:]))
         most_m = (self.compliance_m_per_N + np.exp(z[1:])) * most_N
         below = (s_N < np.repeat(most_N, _POINTS)) & (x_m < np.repeat(most_m, _POINTS))
