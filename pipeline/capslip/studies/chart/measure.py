@@ -157,7 +157,8 @@ def _run(method: Method, case: Case, face: Face, answers: dict[str, Reference]) 
     settings = load_settings(overrides=overrides)
     answer = answers[settings.contact.alignment]
     turns = 3 if method.coarsening == 1 else 1
-    times_s, (analysis,) = in_turns([lambda: run_face(measured, settings)], turns, enough_s=QUICK_S)
+    run = [lambda: run_face(method.scan_of(measured), settings)]
+    times_s, (analysis,) = in_turns(run, turns, enough_s=QUICK_S)
     row: Row = {"case": case.name, "group": case.group, "line": method.line}
     row |= {"setting": method.setting, "auto": None, "problem": None}
     row["seconds"] = float(np.median(times_s[:, 0, 1]))  # of the processor

@@ -7,6 +7,8 @@ from capslip import registry
 from capslip.caps.fitting import fit_named
 from capslip.contact.rung import ladder, rung
 from capslip.settings import CapSettings, HillSettings
+from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
 
 # Rungs and fits from the cheapest on; the paper's come first, those that the program chooses last.
 LADDER = ladder()
@@ -50,15 +52,19 @@ class Method:
     def overrides_on(
         self, shape: tuple[int, int], pixel_size_m: tuple[float, float]
     ) -> tuple[str, ...]:
-        """Return the overrides for a map, with those that coarsen or filter it."""
+        """Return the overrides for a map, with those that filter it."""
         found = self.overrides
-        if self.coarsening > 1:
-            ny, nx = (max(3, round(n / self.coarsening)) for n in shape)
-            found = (*found, f"conditioning.resample_to=[{ny}, {nx}]")
         if self.filter_pixels:
             index_m = self.filter_pixels * max(pixel_size_m)
             found = (*found, f"conditioning.s_filter_nesting_index_m={index_m!r}")
         return found
+
+    def scan_of(self, measured: HeightMap) -> HeightMap:
+        """Return the scan that is analysed: one on fewer points, of which no finer one is known."""
+        if self.coarsening == 1:
+            return measured
+        ny, nx = (max(3, round(n / self.coarsening)) for n in measured.shape)
+        return condition(measured, resample_to=(ny, nx)).surface
 
 
 def methods() -> tuple[Method, ...]:
