@@ -310,8 +310,14 @@ def mate(
             floor_slope=floor_slopes(surface),
         )
         told = (*first.problems, *doubts)
-        first = replace(first, finer=None)
-        return replace(first, surface=face, steps=steps, problems=told, tops_of_scans=tops)
+        return replace(
+            first,
+            surface=face,
+            steps=steps,
+            problems=told,
+            tops_of_scans=tops,
+            finer=None,
+        )
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
         for face in (first, second)

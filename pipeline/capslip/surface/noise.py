@@ -170,8 +170,7 @@ def _transfer(n: int, apart: float) -> np.ndarray:
     power = np.zeros(n)
     for turn in 2.0 * np.pi * np.arange(-2, 3):
         wave = (k + turn) * apart
-        at_pixels = (66.0 + 52.0 * np.cos(wave) + 2.0 * np.cos(2.0 * wave)) / 120.0
-        one = np.sinc(wave / (2.0 * np.pi)) ** 6 / at_pixels
+        one = np.sinc(wave / (2.0 * np.pi)) ** 6 / _at_pixels(wave)
         if apart < 1.0 / FINER:
             one *= np.exp(-0.5 * (2.0 * SIGMA_PER_NESTING_INDEX * (k + turn)) ** 2)
         power += np.square(one)
@@ -182,9 +181,13 @@ def _coefficients() -> np.ndarray:
     """Return the coefficients of the spline through a single height, by their Fourier series."""
     n = 4 * SPLINE_REACH
     turn = 2.0 * np.pi * np.arange(n // 2 + 1) / n
-    at_pixels = (66.0 + 52.0 * np.cos(turn) + 2.0 * np.cos(2.0 * turn)) / 120.0
-    around: np.ndarray = np.fft.irfft(1.0 / at_pixels, n)
+    around: np.ndarray = np.fft.irfft(1.0 / _at_pixels(turn), n)
     return np.roll(around, SPLINE_REACH)[: 2 * SPLINE_REACH + 1]
+
+
+def _at_pixels(wave: np.ndarray) -> np.ndarray:
+    """Return the Fourier series of what that B-spline is at whole pixels, by radians a pixel."""
+    return np.asarray((66.0 + 52.0 * np.cos(wave) + 2.0 * np.cos(2.0 * wave)) / 120.0)
 
 
 def _b_spline(x: np.ndarray) -> np.ndarray:
