@@ -1,5 +1,9 @@
 """Fixtures that several tests share."""
 
+import errno
+import os
+from pathlib import Path
+
 import pytest
 
 from scenes import SCANS
@@ -23,3 +27,19 @@ def scans():
     if not SCANS.is_dir():
         pytest.skip("the folder of real scans is not beside the project")
     return SCANS
+
+
+@pytest.fixture
+def half_written(monkeypatch):
+    """Return a function that lets a method of paths write half of it, and find the disk full."""
+
+    def only_half(method):
+        whole = getattr(Path, method)
+
+        def half(path, content, *given, **named):
+            whole(path, content[: len(content) // 2], *given, **named)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(Path, method, half)
+
+    return only_half

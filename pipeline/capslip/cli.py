@@ -468,17 +468,17 @@ def init_config(path: Path) -> None:
     """Write a settings file with every default, to be edited."""
     from importlib.resources import files
 
+    from capslip.disk import way_out, write_whole
     from capslip.errors import OutputError
 
+    text = files("capslip").joinpath("default.toml").read_bytes()
     try:
-        with path.open("xb") as file:
-            file.write(files("capslip").joinpath("default.toml").read_bytes())
-    except FileExistsError:
-        raise OutputError(
-            f"{path}: exists already; nothing was written; give another name"
-        ) from None
+        if os.path.lexists(path):
+            raise OutputError(f"{path}: exists already; nothing was written; give another name")
+        write_whole(path, lambda unfinished: unfinished.write_bytes(text))
     except OSError as error:
-        raise OutputError(f"{path}: {error.strerror}; give another name") from error
+        step = way_out(error, "give another name")
+        raise OutputError(f"{path}: {error.strerror}; {step}") from error
     say_result(str(path))
 
 

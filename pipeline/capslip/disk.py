@@ -39,7 +39,8 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     Parameters
     ----------
     path : Path
-        Of the file; one that is there is replaced.
+        Of the file; one that is there is replaced, behind a link as well. What is no file, such as
+        a pipe, is written to at once.
     write : callable
         Writes all of it to another path beside it, with the same ending.
 
@@ -48,10 +49,14 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     OSError
         If it cannot be written.
     """
-    with tempfile.TemporaryDirectory(prefix=OURS, dir=path.absolute().parent) as work:
+    if path.exists() and not path.is_file():
+        write(path)
+        return
+    whole = Path(os.path.realpath(path))
+    with tempfile.TemporaryDirectory(prefix=OURS, dir=whole.parent) as work:
         unfinished = Path(work) / f"unfinished{path.suffix}"
         write(unfinished)
-        os.replace(unfinished, path)
+        os.replace(unfinished, whole)
 
 
 @contextmanager

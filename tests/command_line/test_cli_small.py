@@ -87,6 +87,16 @@ def test_init_config_writes_the_defaults_once(tmp_path):
     assert "exists already" in again.stderr
 
 
+def test_init_config_on_a_full_disk_leaves_nothing(tmp_path, half_written):
+    half_written("write_bytes")
+    ran = run("init-config", tmp_path / "mine.toml")
+    assert ran.exit_code == 2
+    assert (
+        "mine.toml: No space left on device; make room on its disk, or give another" in ran.stderr
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
 def keys_of(kind, path=()):
     """Yield every setting as table and name."""
     for field in msgspec.structs.fields(kind):

@@ -132,6 +132,16 @@ def test_bad_input(spheres, tmp_path):
         write_jenkins(jenkins(slip), tmp_path / "missing" / "jenkins.csv")
 
 
+def test_a_full_disk_leaves_the_older_file(spheres, tmp_path, half_written):
+    elements, path = jenkins(spheres((90.0, 6e-8))), tmp_path / "jenkins.csv"
+    path.write_text("older")
+    half_written("write_text")
+    with pytest.raises(OutputError, match=r"jenkins.csv cannot be written: .*; make room on its"):
+        write_jenkins(elements, path)
+    assert [one.name for one in tmp_path.iterdir()] == ["jenkins.csv"]
+    assert path.read_text() == "older"
+
+
 def test_an_energy_that_is_not_convex_is_lost_as_far_as_sliders_can():
     """As between the solved loads of a map: cells without a stiffness were left out."""
     slip = slip_curve(families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9), 460.4, 0.2, 1.2143)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.refined_spline import refined_spline
 from capslip.contact.varying_load import VaryingSlip
+from capslip.disk import way_out, write_whole
 from capslip.errors import OutputError, SettingsError
 
 # Of the tolerance, to which T / delta, W^(1/3) / delta and T' are known at any displacement. T' at
@@ -200,10 +201,12 @@ def write_jenkins(
     rows = zip(elements.stiffness_N_per_m.tolist(), elements.slip_force_N.tolist(), strict=True)
     table = "".join(f"{stiffness!r},{force!r}\n" for stiffness, force in rows)
     try:
-        Path(path).write_text(head + "stiffness_N_per_m,slip_force_N\n" + table, encoding="utf-8")
+        text = f"{head}stiffness_N_per_m,slip_force_N\n{table}"
+        write_whole(Path(path), lambda unfinished: unfinished.write_text(text, encoding="utf-8"))
     except OSError as error:
+        step = way_out(error, "choose another file")
         raise OutputError(
-            f"Jenkins elements: {path} cannot be written: {error.strerror}; choose another file"
+            f"Jenkins elements: {path} cannot be written: {error.strerror}; {step}"
         ) from error
 
 

@@ -4,9 +4,11 @@ import errno
 import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from capslip.disk import way_out, write_whole
 from capslip.errors import OutputError
 
 if TYPE_CHECKING:
@@ -51,8 +53,7 @@ def write(folder: str | Path, files: Mapping[str, str | bytes]) -> None:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         for name, content in files.items():
             data = content.encode() if isinstance(content, str) else content
-            (folder / name).write_bytes(data)
+            write_whole(folder / name, methodcaller("write_bytes", data))
     except OSError as error:
-        raise OutputError(
-            f"output folder {folder}: {error.strerror}; choose another with --out"
-        ) from error
+        step = way_out(error, "choose another with --out")
+        raise OutputError(f"output folder {folder}: {error.strerror}; {step}") from error
