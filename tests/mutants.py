@@ -221,6 +221,7 @@ TABLE = [
     (
         ("disk.py",),
         (
+            "tests/test_disk.py",
             "tests/output/test_*staging*.py",
             "tests/output/test_*convert*.py",
             "tests/surface/test_surface_readers.py",
