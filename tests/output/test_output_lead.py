@@ -25,6 +25,7 @@ ANSWER = {
     "loss_factor": 0.006,
     "damping_ratio": 0.003,
     "frequency_shift": -0.04,
+    "total_loss_factor": 0.0055,
     "interval": {
         "tangential_stiffness_N_per_m": [6e8, 8e8],
         "energy_J": [3e-9, 9e-9],
@@ -41,7 +42,14 @@ SLIP = {"total_slip_force_N": 80.0, "total_slip_displacement_m": 9e-7}
 SUMMARY = {"slip": SLIP, "assumed": [{"setting": "slip.normal_amplitude_ratio"}], "scans": None}
 LOSS = "tangential stiffness 700 MN/m (secant), 4 nJ lost per cycle, loss factor of the joint 0.05"
 STATE = "slip force 20 N, displacement 30 nm; gross slip at 80 N, 900 nm"
-STRUCTURE = "beam: loss factor 0.006, damping ratio 0.003, frequency -4 %, at amplitude 500 nm"
+STRUCTURE = (
+    "beam: loss factor 0.006, damping ratio 0.003, frequency -4 %, at amplitude 500 nm with rigid "
+    "joints"
+)
+WHOLE = (
+    "with all that the joints move and store, as a decay shows it: loss factor 0.0055 at amplitude "
+    "600 nm"
+)
 INTERVAL = (
     "90 % interval: stiffness 600 MN/m to 800 MN/m, energy 3 nJ to 9 nJ, loss factor of the joint "
     "0.04 to 0.11, of the structure 0.005 to 0.013"
@@ -66,7 +74,7 @@ def asked(quantity, by_default=False):
 
 def test_an_answer_is_these_lines():
     at = "at displacement 30 nm of the joint"
-    assert lines() == [at, LOSS, STATE, STRUCTURE, INTERVAL, PARTS]
+    assert lines() == [at, LOSS, STATE, STRUCTURE, WHOLE, INTERVAL, PARTS]
 
 
 @pytest.mark.parametrize(
@@ -78,7 +86,7 @@ def test_an_answer_is_these_lines():
     ],
 )
 def test_what_was_asked_leads_and_is_not_said_twice(quantity, at, state):
-    assert lines(**asked(quantity)) == [at, LOSS, state, STRUCTURE, INTERVAL, PARTS]
+    assert lines(**asked(quantity)) == [at, LOSS, state, STRUCTURE, WHOLE, INTERVAL, PARTS]
     default = " (a quarter of gross slip: nothing was asked)"
     assert lines(**asked(quantity, by_default=True))[0] == at + default
 
@@ -86,8 +94,12 @@ def test_what_was_asked_leads_and_is_not_said_twice(quantity, at, state):
 def test_a_structure_that_is_not_lightly_damped_has_no_loss_factor():
     found = lines(loss_factor=None, damping_ratio=None)
     assert found[3] == (
-        "beam: loss factor not defined at amplitude 500 nm: the mode is no longer lightly damped"
+        "beam: loss factor not defined at amplitude 500 nm with rigid joints, frequency -4 %: the "
+        "mode is no longer lightly damped"
     )
+    assert found[4] == WHOLE  # softer joints store more, and what is lost may be little of it
+    assert found[5] == INTERVAL.partition(", of the structure")[0]
+    found = lines(loss_factor=None, damping_ratio=None, total_loss_factor=None)
     assert found[4] == INTERVAL.partition(", of the structure")[0]
 
 
@@ -104,12 +116,12 @@ def test_a_structure_that_is_not_lightly_damped_has_no_loss_factor():
 )
 def test_an_end_of_an_interval_that_is_not_known_is_said(ends, said):
     found = lines(interval=ANSWER["interval"] | {"energy_J": ends})
-    assert found[4] == INTERVAL.replace("energy 3 nJ to 9 nJ", said)
+    assert found[5] == INTERVAL.replace("energy 3 nJ to 9 nJ", said)
 
 
 def test_a_number_that_nothing_moves_has_no_interval():
     found = lines(interval=ANSWER["interval"] | {"tangential_stiffness_N_per_m": [7e8, 7e8]})
-    assert found[4] == INTERVAL.replace("stiffness 600 MN/m to 800 MN/m, ", "")
+    assert found[5] == INTERVAL.replace("stiffness 600 MN/m to 800 MN/m, ", "")
 
 
 @pytest.mark.parametrize("shares", [{}, {"friction": 0.0}])
@@ -117,17 +129,17 @@ def test_an_interval_without_a_bound_has_no_parts_and_one_with_a_bound_says_why(
     of = {"contributions": {"energy_J": shares}, "not_in_interval": None}
     for ends in ([3e-9, None], None):
         found = lines(**of, interval=ANSWER["interval"] | {"energy_J": ends})
-        assert found[5] == f"no upper bound; {MODEL_FORM}"
+        assert found[6] == f"no upper bound; {MODEL_FORM}"
     beyond = "what makes that of the energy is not known: some of what may be is beyond gross slip"
-    assert lines(**of)[5] == f"{beyond}; {MODEL_FORM}"
+    assert lines(**of)[6] == f"{beyond}; {MODEL_FORM}"
 
 
 def test_an_energy_of_which_nothing_is_known_has_no_parts_and_says_so():
     known = ANSWER["interval"] | {"energy_J": [0.0, 9e-9], "joint_loss_factor": [0.0, 1.27]}
     found = lines(contributions={"energy_J": {}}, not_in_interval=None, interval=known)
-    assert "energy 0 J to 9 nJ, loss factor of the joint 0 to 1.27" in found[4]
+    assert "energy 0 J to 9 nJ, loss factor of the joint 0 to 1.27" in found[5]
     none = "of the energy nothing is known but that it is no more than the rectangle of its loop"
-    assert found[5] == f"{none}; {MODEL_FORM}"
+    assert found[6] == f"{none}; {MODEL_FORM}"
 
 
 @pytest.mark.parametrize(
@@ -143,11 +155,11 @@ def test_under_a_load_that_oscillates_an_energy_may_be_none(energy_J, said):
     known = {"contributions": {"energy_J": {}}, "not_in_interval": None}
     known["interval"] = ANSWER["interval"] | {"energy_J": energy_J}
     found = answer_lines(SUMMARY | {"assumed": [], "answer": ANSWER | known}, "-")
-    assert found[5] == ("", f"{said}; {MODEL_FORM}")
+    assert found[6] == ("", f"{said}; {MODEL_FORM}")
 
 
 def test_no_interval_is_a_reason_but_for_an_answer_of_nothing():
-    assert lines(contributions=None, energy_J=0.0)[4:] == []
+    assert lines(contributions=None, energy_J=0.0)[5:] == []
     known = {"accuracy": {"estimated": None}, "answer": ANSWER | {"contributions": None}}
     (*_, (_, why)) = answer_lines(SUMMARY | known, "-")
     assert why.startswith("no interval: the error of the model is not known")

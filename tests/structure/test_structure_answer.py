@@ -77,6 +77,11 @@ def test_an_amplitude_is_answered_as_on_the_curve_over_amplitudes():
     assert answer.damping_ratio == pytest.approx(float(curve.damping_ratio[0]), rel=1e-12)
     assert answer.total_amplitude_m == pytest.approx(float(curve.total_amplitude_m[0]), rel=1e-12)
     assert answer.frequency_shift == pytest.approx(float(curve.frequency_ratio[0]) - 1.0, rel=1e-9)
+    total = float(curve.total_loss_factor[0])
+    assert answer.total_loss_factor == pytest.approx(total, rel=1e-12)
+    # What is lost over 2 pi of the energy that the force stores in all that it moves
+    stored_J = 0.5 * K_M * v_m * answer.total_amplitude_m
+    assert total == pytest.approx(float(curve.energy_J[0]) / (2.0 * math.pi * stored_J), rel=1e-9)
     assert answer.energy_J * JOINTS == pytest.approx(float(curve.energy_J[0]), rel=1e-12)
     assert answer.slip_force_N == pytest.approx(float(curve.force_N[0]), rel=1e-12)
 
@@ -151,6 +156,28 @@ def test_a_mode_that_is_not_lightly_damped_has_no_loss_factor_and_its_joint_has_
         answer, _ = ask(slip, K_m=JOINTS * W / (math.pi * v * v * eta), slip_force_N=T)
         assert (answer.loss_factor is not None, answer.damping_ratio is not None) == (defined,) * 2
         assert answer.joint_loss_factor == pytest.approx(W / (math.pi * T * answer.displacement_m))
+        # Joints that soft store most of the energy, and of all of it little is lost
+        total = eta * v / answer.total_amplitude_m
+        assert total < 0.1
+        assert answer.total_loss_factor == pytest.approx(total, rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "defined"), [(0.99, True), (1.01, False)])
+def test_where_too_much_of_all_energy_is_lost_the_whole_has_no_loss_factor_either(share, defined):
+    # Half of the load on many spheres that just touch: at gross slip the joint itself has a loss
+    # factor of 0.74, a single sphere of 0.25
+    curve = families((1, 400), (5.0, 5.0), (0.0, 5e-7), STEEL.E_star_Pa)
+    preload_N = 2.0 * float(curve.load_N(5e-7))
+    slip = slip_curve(curve, preload_N, MU, STEEL.kappa)
+    T = MU * preload_N
+    v, W = T / K_S, float(slip.energy_at_force_J(T))
+    delta = float(slip.displacement_m(T))
+    # n W / (pi K_m v v_total) = 0.3 of it, with v_total = v + n K_s delta / K_m
+    K_m = (JOINTS * W / (math.pi * 0.3 * share) - JOINTS * K_S * delta * v) / v**2
+    assert K_m > 0.0
+    answer, _ = ask(slip, K_m=K_m, slip_force_N=T)
+    assert (answer.total_loss_factor is not None) == defined
+    assert answer.loss_factor is None
 
 
 def test_a_plane_interface_is_rigid_and_loses_nothing():

@@ -121,12 +121,17 @@ def test_the_margin_is_cut_off(width_m, margin):
     inner = z[margin[0] : NY - margin[0], margin[1] : NX - margin[1]]
     found = condition(HeightMap(z, PIXEL_M), "none", edge_trim_m=width_m).surface
     np.testing.assert_array_equal(found.height_m, inner)
+    framed = np.pad(z, ((4, 0), (1, 7)), constant_values=np.nan)  # its own margin is the scan's
+    found = condition(HeightMap(framed, PIXEL_M), "none", edge_trim_m=width_m).surface
+    np.testing.assert_array_equal(found.height_m, inner)
 
 
 @pytest.mark.parametrize("width_m", [0.0, -1e-3, 3.6e-3, 1.0, np.nan, np.inf])
 def test_an_impossible_margin_is_refused(width_m):
-    with pytest.raises(SettingsError, match="edge_trim_m"):
-        condition(HeightMap(rough(), PIXEL_M), edge_trim_m=width_m)
+    framed = np.pad(rough(), 40, constant_values=np.nan)
+    for z in (rough(), framed):
+        with pytest.raises(SettingsError, match="edge_trim_m"):
+            condition(HeightMap(z, PIXEL_M), edge_trim_m=width_m)
 
 
 def test_unknown_rule_and_form_are_refused():

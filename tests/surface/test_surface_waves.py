@@ -70,3 +70,12 @@ def test_points_that_were_not_measured_are_as_the_plane():
     z = 1e-7 * np.cos(2.0 * np.pi * Y) + 1e-5 * X
     z[60:70, 100:130] = np.nan
     assert long_waves_m(of(z)) == pytest.approx(1e-7 / np.sqrt(2.0), rel=0.03)
+
+
+@pytest.mark.parametrize("frame", [((0, 0), (0, 60)), ((3, 17), (17, 3)), ((0, 90), (0, 0))])
+def test_a_frame_that_was_not_measured_changes_nothing(frame):
+    z = 1e-7 * np.cos(2.0 * np.pi * Y) + rough(3, 2 * N)[:N] + 1e-5 * X
+    framed = np.pad(z, frame, constant_values=np.nan)
+    expected = long_waves_m(of(z))
+    assert expected > 0.5e-7
+    assert long_waves_m(of(framed)) == pytest.approx(expected, rel=1e-9)

@@ -22,11 +22,15 @@ NONE = "none: see the problems"
 LIMITS = "gross slip at {total_slip_force_N:4}, {total_slip_displacement_m}"
 STRUCTURE = (
     "{answer_structure}: loss factor {answer_loss_factor}, damping ratio {answer_damping_ratio}, "
-    "frequency {answer_frequency_shift}, at amplitude {answer_amplitude_m}"
+    "frequency {answer_frequency_shift}, at amplitude {answer_amplitude_m} with rigid joints"
 )
 NOT_DEFINED = (
-    "{answer_structure}: loss factor not defined at amplitude {answer_amplitude_m}: the mode is no "
-    "longer lightly damped"
+    "{answer_structure}: loss factor not defined at amplitude {answer_amplitude_m} with rigid "
+    "joints, frequency {answer_frequency_shift}: the mode is no longer lightly damped"
+)
+OF_WHOLE = (
+    "with all that the joints move and store, as a decay shows it: loss factor "
+    "{answer_total_loss_factor} at amplitude {answer_total_amplitude_m}"
 )
 INTERVALS = {  # what a number is called, by its name; {0} is an end
     "tangential_stiffness_N_per_m": ("stiffness", "{{answer_stiffness_{0}_N_per_m:4}}"),
@@ -73,6 +77,7 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     else:
         texts.append(f"displacement {{answer_displacement_m}}; {LIMITS}")
     texts.append(NOT_DEFINED if answer["loss_factor"] is None else STRUCTURE)
+    texts += [] if answer["total_loss_factor"] is None else [OF_WHOLE]
     texts += _interval_texts(summary)
     labels = ["answer", *[""] * (len(texts) - 1)]
     written = [write_text(text, summary, absent) for text in texts]

@@ -168,6 +168,12 @@ QUANTITIES = {
     "answer_loss_factor": Quantity("loss factor of the structure", "", "answer.loss_factor"),
     "answer_damping_ratio": Quantity("damping ratio of the structure", "", "answer.damping_ratio"),
     "answer_frequency_shift": Quantity("frequency shift", "%", "answer.frequency_shift"),
+    "answer_total_amplitude_m": Quantity(
+        "amplitude with the slip of the joints", "m", "answer.total_amplitude_m"
+    ),
+    "answer_total_loss_factor": Quantity(
+        "loss factor of the whole", "", "answer.total_loss_factor"
+    ),
     **_interval("tangential_stiffness:_N_per_m", "answer_stiffness", "stiffness", "N/m"),
     **_interval("energy:_J", "answer_energy", "energy", "J"),
     **_interval("joint_loss_factor", "answer_joint_loss_factor", "loss factor of the joint", ""),

@@ -23,7 +23,9 @@ class Answer:
     The stiffness is the secant T / delta, which is the slope of the cycle from tip to tip, and the
     loss factor of the joint W / (2 pi U) with the energy U = T delta / 2 of a spring of that
     stiffness. With one energy that the secant stores it is defined up to total slip, however much
-    is lost; that of the structure only as long as the mode is lightly damped.
+    is lost; those of the structure only as long as the mode is lightly damped. That over the
+    energy of the structure with rigid joints is the paper's; a decay or a resonance shows that over
+    all that is stored, joints as well, which is smaller by f^2 / f_0^2.
     """
 
     slip_force_N: float  # T, in one joint
@@ -36,6 +38,7 @@ class Answer:
     loss_factor: float | None  # of the structure; None: not lightly damped
     damping_ratio: float | None
     frequency_shift: float  # f / f_0 - 1, to the frequency with rigid joints
+    total_loss_factor: float | None  # over what structure and joints store; None as `loss_factor`
 
 
 def asked(question: Question, slip: SlipCurve | None) -> tuple[str, float | None]:
@@ -106,6 +109,7 @@ def answer_to(
         numbers |= dict.fromkeys(("tangential_stiffness_N_per_m", "joint_loss_factor"))
     if lightly_damped(numbers["loss_factor"]) is None:
         numbers |= dict.fromkeys(("loss_factor", "damping_ratio"))
+    numbers["total_loss_factor"] = lightly_damped(numbers["total_loss_factor"])
     return Answer(**numbers), ()
 
 
@@ -141,4 +145,5 @@ def numbers_of_state(
             "loss_factor": loss_factor,
             "damping_ratio": loss_factor / 2.0,
             "frequency_shift": np.sqrt(v / v_total) - 1.0,
+            "total_loss_factor": loss_factor * v / v_total,
         }

@@ -29,7 +29,11 @@ COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "los
 # They move displacement and energy by factors
 OF_BOTH = ("caps", "model", "scans", "part_of_joint", "direction")
 OF_MODEL = "error of the model"  # in the list of what an interval leaves out
-OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
+MOST = {  # of what is defined as long as a mode is lightly damped
+    "loss_factor": MOST_LOSS_FACTOR,
+    "damping_ratio": MOST_LOSS_FACTOR / 2.0,
+    "total_loss_factor": MOST_LOSS_FACTOR,
+}
 
 
 @dataclass(frozen=True)
@@ -212,9 +216,7 @@ def _normal_numbers(columns: int) -> np.ndarray:
 def _interval(name: str, values: np.ndarray) -> tuple[float, float]:
     """Return the interval of a number; infinite where there is no bound."""
     values = np.where(np.isnan(values), np.inf, values)
-    if name in OF_LIGHT_DAMPING:
-        most = MOST_LOSS_FACTOR / (1.0 if name == "loss_factor" else 2.0)
-        values = np.where(values > most, np.inf, values)
+    values = np.where(values > MOST.get(name, np.inf), np.inf, values)
     tail = 0.5 * (1.0 - INSIDE)
     low, high = np.quantile(values, (tail, 1.0 - tail), method="inverted_cdf")
     return float(low), float(high)

@@ -131,7 +131,8 @@ def condition(
         Mark spikes and bad codes as non-measured (see `find_outliers`) and fit the form again
         without them, or keep them.
     edge_trim_m : float, optional
-        Width of the margin to cut off on all four sides. Places then count from the new corner.
+        Width of the margin to cut off on all four sides of what was measured. Places then count
+        from the new corner.
     s_filter_nesting_index_m, l_filter_nesting_index_m : float, optional
         Nesting indices of the areal Gaussian filters that take off short and long waves. They come
         after the form, so that the edge of the map disturbs them least.
@@ -222,8 +223,10 @@ def _sloped(surface: HeightMap, slope: tuple[float, float]) -> HeightMap:
 
 
 def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:
-    shorter_m = min(surface.side_m)
-    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    # From the edge of what was measured: a frame of other points is no part of the face
+    (y, x), (dy_m, dx_m) = surface.measured_window, surface.pixel_size_m
+    ny, nx = y.stop - y.start, x.stop - x.start
+    shorter_m = min(ny * dy_m, nx * dx_m)
     if 0.0 < edge_trim_m < 0.5 * shorter_m:
         trim_y, trim_x = (math.ceil(edge_trim_m / size_m - 1e-9) for size_m in (dy_m, dx_m))
     else:
@@ -233,7 +236,11 @@ def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[st
             f"conditioning.edge_trim_m: got {edge_trim_m:g}; expected above 0 and less than half "
             f"the shorter side ({shorter_m:g} m), so that three points are left"
         )
-    inner = surface.height_m[trim_y : ny - trim_y, trim_x : nx - trim_x]
+    rows, columns = (
+        slice(y.start + trim_y, y.stop - trim_y),
+        slice(x.start + trim_x, x.stop - trim_x),
+    )
+    inner = surface.height_m[rows, columns]
     return replace(surface, height_m=inner), {"step": "edge_trim", "points": [trim_y, trim_x]}
 
 

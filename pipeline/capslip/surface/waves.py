@@ -21,7 +21,8 @@ def long_waves_m(surface: HeightMap) -> float:
     Parameters
     ----------
     surface : HeightMap
-        At any level; points that were not measured count as in the plane.
+        At any level; points that were not measured count as in the plane, and a frame of such
+        points is no part of the scan.
 
     Examples
     --------
@@ -31,11 +32,14 @@ def long_waves_m(surface: HeightMap) -> float:
     [707, 0]
     """
     rest, _ = remove_form(surface, "plane")
-    along_y, along_x = (_cosines(n) for n in rest.shape)
+    y, x = surface.measured_window
+    ny, nx = y.stop - y.start, x.stop - x.start
+    along_y, along_x = _cosines(ny), _cosines(nx)
     sum_m = np.zeros((NEXT + 1, NEXT + 1))
-    for rows in row_blocks(rest.shape):
-        sum_m += along_y[:, rows] @ (np.nan_to_num(rest[rows]) @ along_x.T)
-    square_m2 = (sum_m / rest.size) ** 2
+    for rows in row_blocks((ny, nx)):
+        of_scan = slice(y.start + rows.start, y.start + rows.stop)
+        sum_m += along_y[:, rows] @ (np.nan_to_num(rest[of_scan, x]) @ along_x.T)
+    square_m2 = (sum_m / (ny * nx)) ** 2
     p, q = np.indices(square_m2.shape)
     order = p**2 + q**2
     long, following = (order > 0) & (order <= LONG**2), (order > LONG**2) & (order <= NEXT**2)
