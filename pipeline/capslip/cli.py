@@ -282,7 +282,7 @@ def batch(
     incomplete = [row for row in rows if row["error"] and row["status"] != "failed"]
     lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
     page = (out or Path("results") / "batch") / "index.html"
-    if page.is_file():
+    if page.is_file() and not dry_run:
         lines += ["", f"page       {page}"]
     print_result(rows, "\n".join(lines), as_json, quiet)
     to_do = sum(row["status"] == TO_DO for row in rows)

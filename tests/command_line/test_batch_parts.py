@@ -280,8 +280,10 @@ def test_results_that_the_table_leaves_out_are_counted(tmp_path):
     assert not any("holds what came" in one for one in told)
 
 
-def test_a_dry_run_says_that_nothing_was_done(monkeypatch):
-    ran, _ = ended([TO_DO, FAILED], monkeypatch, "--dry-run")
+def test_a_dry_run_says_that_nothing_was_done(monkeypatch, tmp_path):
+    (tmp_path / "index.html").write_text("older")
+    ran, _ = ended([TO_DO, FAILED], monkeypatch, "--dry-run", "-o", str(tmp_path))
+    assert "index.html" not in ran.stdout  # it does not show what was asked
     assert ran.stderr.splitlines() == [
         "warning: 1 of 2 scans are still to be done; nothing was done",
         "warning: 1 of 2 scans failed; see batch.csv; --retry-failed does them again",

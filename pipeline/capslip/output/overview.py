@@ -46,6 +46,7 @@ RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "answer_loss_factor",
     "answer_loss_factor_low",
     "answer_loss_factor_high",
+    "answer_total_loss_factor",
     "structure",
     "peak_loss_factor",
     "amplitude_at_peak_m",
