@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from capslip.analysis import analyze_once
-from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers import polonsky_keer
 from capslip.contact.solvers.detail import _loss_J
 from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
@@ -331,3 +332,25 @@ def test_a_real_face_balances_with_a_soft_hold(scans):
     np.testing.assert_allclose(
         np.subtract(contact.tilt_rad, contact.at_ease_rad), turned_rad, rtol=1e-3
     )
+
+
+@pytest.mark.parametrize("of_load", [0.7, 0.1])
+def test_another_load_turns_a_map_from_the_known_one_and_from_no_coarse_points(
+    monkeypatch, of_load
+):
+    """It finds the state of that load all the same, at its own level."""
+    scene = Scene((240, 240), (5e-5, 5e-5), 3, waviness_rms_m=2e-7, waviness_length_m=2e-3)
+    surface, point_m = synthetic_surface(scene)[0], (5e-3, 7e-3)
+    more = {"hardness_Pa": 1e9, "balanced": True, "load_point_m": point_m}
+    known = boundary_elements(surface, E, preload_N=LOAD_N, **more)
+    alone = boundary_elements(surface, E, preload_N=of_load * LOAD_N, **more)
+    assert np.hypot(*np.subtract(alone.tilt_rad, known.tilt_rad)) > 1e-7
+    monkeypatch.setattr(polonsky_keer, "_nested", None)
+    after = RUNG.after(known, LOAD_N, of_load, 1.0, point_m)
+    assert np.allclose(after.tilt_rad, alone.tilt_rad, atol=1e-4 * np.hypot(*alone.tilt_rad))
+    one, other = (curve.pressed(of_load * LOAD_N) for curve in (after, alone))
+    assert one.approach_m == pytest.approx(other.approach_m, rel=1e-5)
+    assert one.resultant_m == pytest.approx(point_m, rel=1e-8)
+    assert after.first.approach_m == pytest.approx(alone.first.approach_m, rel=1e-5)
+    assert after.yielded_area_m2 == pytest.approx(alone.yielded_area_m2, rel=0.01)
+    assert one.pressure_Pa == pytest.approx(other.pressure_Pa, abs=0.01 * other.pressure_Pa.max())

@@ -135,11 +135,19 @@ def _after(
     if place_m is None:
         pressed, punch = curve.pressed(load_N), curve.solutions.punch(load_N)
         face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
-    else:  # from coarse points on: where it turned, other points touch than those that are known
+    else:
         face = curve.first.face
         face = replace(face, hardness_Pa=of_hardness * face.hardness_Pa)
+        # It turns a little from load to load: nearly all that touches did under the known one
+        known_Pa = curve.pressed(load_N).pressure_Pa
         again = press_balanced(
-            face, of_load * load_N, place_m, tolerance=given[0], time_limit_s=given[1]
+            face,
+            of_load * load_N,
+            place_m,
+            tolerance=given[0],
+            start_tilt_rad=(0.0, 0.0),
+            start_Pa=np.minimum(of_load * known_Pa, face.hardness_Pa),
+            time_limit_s=given[1],
         )
         face = face.tilted(again.tilt_rad)
         tilt_rad = tilt_rad[0] + again.tilt_rad[0], tilt_rad[1] + again.tilt_rad[1]

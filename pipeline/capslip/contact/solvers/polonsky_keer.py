@@ -174,8 +174,11 @@ def solve(
     start_Pa: np.ndarray | None,
     until_s: float = np.inf,
     sinks_once: bool = False,
+    from_patches: bool = False,
 ) -> tuple[State, int]:
     """Return the state that fulfils the tolerance, and the number of steps on the finest grid.
+
+    From a start that is not near, as another load leaves it, on patches around it first.
 
     Raises
     ------
@@ -187,6 +190,8 @@ def solve(
         start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
     if start_Pa is None or not start_Pa.any():
         state, iterations = _nested(face, closing, tolerance, until_s)
+    elif from_patches:
+        state, iterations = _from_patches(face, start_Pa, closing, tolerance, until_s)
     else:
         state, iterations = _iterate(face, start_Pa, closing, tolerance, until_s, sinks_once)
     if not state.fulfils(tolerance):
@@ -201,13 +206,8 @@ def solve(
 def _nested(
     face: ElasticFace, closing: Closing, tolerance: float, until_s: float
 ) -> tuple[State, int]:
-    """Solve from the solution on the next coarser grid, or from something to begin with.
-
-    Between the two, on patches around what touches on the coarser grid, and around what the whole
-    map finds to penetrate beside them; what is left of the kernel between them, is a step or two on
-    the whole map.
-    """
-    coarser, iterations = face.coarser, 0
+    """Solve from the solution on the next coarser grid, or from something to begin with."""
+    coarser = face.coarser
     if coarser is None:
         given = isinstance(closing, GivenApproach)
         start_Pa = np.zeros(face.shape) if given else face.measured.astype(float)
@@ -215,6 +215,18 @@ def _nested(
         on_coarser = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
         found, _ = _nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)
         start_Pa = _on_finer(face, coarser, found)
+    return _from_patches(face, start_Pa, closing, tolerance, until_s)
+
+
+def _from_patches(
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float, until_s: float
+) -> tuple[State, int]:
+    """Solve on patches around what touches in a start, then on the whole map.
+
+    And around what that finds to penetrate beside them; what is left of the kernel between them, is
+    a step or two on the whole map.
+    """
+    iterations = 0
     if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
         start_Pa, state, iterations = _patched(face, start_Pa, closing, tolerance, until_s)
         if state is not None and state.fulfils(tolerance):

@@ -62,7 +62,8 @@ def press_balanced(
         Slopes in x and y to begin with; those that level the least-squares plane where None. They
         change the way and not the answer.
     start_Pa : ndarray, shape (ny, nx), optional
-        Pressures near the solution.
+        Pressures to begin with, as under another load: what touches under them is solved alone
+        first, on patches.
     time_limit_s : float
         Of the processor, for all of it, as in `press`.
 
@@ -185,7 +186,8 @@ class _Turned:
         total_Pa = self.load_N / self.face.pixel_area_m2
         place = float(resultant_m[0]), float(resultant_m[1])
         closing = GivenResultant(total_Pa, self.face.places_m, place)
-        return solve(self.face, closing, self.tolerance, start_Pa, self.until_s)
+        given = self.face, closing, self.tolerance, start_Pa, self.until_s
+        return solve(*given, from_patches=True)
 
     def held(
         self,
