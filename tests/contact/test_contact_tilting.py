@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from capslip.analysis import analyze_once
 from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers import elastic_face as faces
 from capslip.contact.solvers import polonsky_keer
 from capslip.contact.solvers.detail import _loss_J
 from capslip.contact.solvers.path import Path
@@ -354,3 +356,21 @@ def test_another_load_turns_a_map_from_the_known_one_and_from_no_coarse_points(
     assert after.first.approach_m == pytest.approx(alone.first.approach_m, rel=1e-5)
     assert after.yielded_area_m2 == pytest.approx(alone.yielded_area_m2, rel=0.01)
     assert one.pressure_Pa == pytest.approx(other.pressure_Pa, abs=0.01 * other.pressure_Pa.max())
+
+
+def test_what_changes_from_pixel_to_pixel_is_found_once_whatever_slope_a_face_has(monkeypatch):
+    surface = waves(2, 1.0, 0.02)
+    face = elastic_face(surface, E)
+    tilt_rad = (3e-4, -2e-4)
+    (ny, nx), (dy_m, dx_m) = SHAPE, PIXEL_M
+    plane_m = tilt_rad[0] * np.arange(nx) * dx_m + tilt_rad[1] * np.arange(ny)[:, None] * dy_m
+    other = elastic_face(HeightMap(surface.height_m + plane_m, PIXEL_M), E)
+    for order in (4, 8):
+        for axis in (0, 1):
+            found = face.tilted(tilt_rad).white_m2(order, axis)
+            np.testing.assert_allclose(found, other.white_m2(order, axis), rtol=1e-3, atol=1e-24)
+    changed = replace(face, depth_m=2.0 * face.depth_m)  # as a filter changes it
+    np.testing.assert_allclose(changed.white_m2(8, 0), 4.0 * face.white_m2(8, 0), rtol=1e-5)
+    monkeypatch.setattr(faces, "white_m2", None)
+    again = face.tilted(tilt_rad).flattened(np.zeros(SHAPE)).before or face.tilted(tilt_rad)
+    np.testing.assert_array_equal(again.white_m2(8, 1), face.white_m2(8, 1))

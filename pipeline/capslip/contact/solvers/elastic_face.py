@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from capslip.contact.solvers.half_space import HalfSpace
+from capslip.contact.solvers.whiteness import white_m2
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.between import Between
 from capslip.surface.blocks import means_of_blocks
@@ -87,7 +88,23 @@ class ElasticFace:
         x_m, y_m = self.places_m
         depth_m = self.depth_m - tilt_rad[0] * x_m - tilt_rad[1] * y_m
         depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
-        return replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
+        turned = replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
+        vars(turned)["_white_m2"] = self._white_m2  # differences know no slope
+        return turned
+
+    def white_m2(self, order: int, axis: int) -> np.ndarray:
+        """Return `whiteness.white_m2` of the depths, in single precision, found once.
+
+        For all the slopes that the face has been given; not to be written to.
+        """
+        if (order, axis) not in self._white_m2:
+            found = white_m2(self.known_m, order, axis)
+            self._white_m2[order, axis] = found.astype(np.float32)
+        return self._white_m2[order, axis]
+
+    @cached_property
+    def _white_m2(self) -> dict[tuple[int, int], np.ndarray]:
+        return {}
 
     def flattened(self, sunk_m: np.ndarray) -> "ElasticFace":
         """Return the elastic face that is left where points have sunk for good, shape (ny, nx).

@@ -10,7 +10,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.patches import MOST_OF_ROUGH
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
-from capslip.contact.solvers.whiteness import white_m2
 
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
 # the first, to the second; then the energy at a tenth of mu N is off by 1 %, and not by 2 to 9.
@@ -87,9 +86,9 @@ def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
         pressed = replace(pressed, approach_m=pressed.approach_m + lost_m)
         face = face.before
     # Where a depth was lost none of them counts: there a refined face goes on smoothly
-    contact, known_m = pressed.pressure_Pa > 0, face.known_m
+    contact = pressed.pressure_Pa > 0
     # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
-    axes_m2 = [white_m2(known_m, _ORDER, axis) for axis in (0, 1)]
+    axes_m2 = [face.white_m2(_ORDER, axis) for axis in (0, 1)]
     greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
     noise_m2 = 0.5 * (greater_m2 + less_m2)
     rough_m, smooth_m = _rms_m(noise_m2, contact), smooth * pressed.approach_m
@@ -107,8 +106,7 @@ def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
 
 def _beside_edges_m(face: ElasticFace, contact: np.ndarray) -> float:
     """Return the roughness by differences of half the order, which end before a hill does."""
-    known_m = face.known_m
-    axes_m2 = (white_m2(known_m, _ORDER // 2, axis) for axis in (0, 1))
+    axes_m2 = (face.white_m2(_ORDER // 2, axis) for axis in (0, 1))
     return _rms_m(np.fmax(*axes_m2), contact)
 
 
@@ -127,9 +125,8 @@ def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
     from scipy.ndimage import binary_dilation
 
     short_m2 = long_m2 = 0.0
-    depth_m = face.known_m
     for axis, shape in ((0, (_ORDER + 1, 1)), (1, (1, _ORDER + 1))):
-        of_short, of_long = (white_m2(depth_m, order, axis) for order in (_ORDER, _ORDER // 2))
+        of_short, of_long = (face.white_m2(order, axis) for order in (_ORDER, _ORDER // 2))
         near = binary_dilation(pressed.pressure_Pa > 0, np.ones(shape))
         near &= np.isfinite(of_short) & np.isfinite(of_long)
         short_m2 += float(of_short[near].sum())
