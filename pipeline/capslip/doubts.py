@@ -269,7 +269,8 @@ def _of_fewer_points(contact: ContactState, conditioned: Conditioned) -> list[Pr
     """Return whether the map lacks waves that were measured; spheres keep their radii without."""
     if contact.rung.made_from != "map":
         return []
-    return problems_of_fewer_points(conditioned.surface, conditioned.finer)
+    measured = conditioned.measured_shape or conditioned.finest.shape
+    return problems_of_fewer_points(conditioned.surface, conditioned.finer, measured)
 
 
 def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Problem]:

@@ -11,6 +11,7 @@ from capslip.analysis import analyze_once
 from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import UNUSABLE, CapFlag
 from capslip.contact.effects import with_effects
+from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.trials import FaceOfCaps, _load_seen, _moved
 from capslip.problems import Problem
 from capslip.settings import load_settings
@@ -631,6 +632,24 @@ def test_fewer_points_move_what_all_that_were_measured_change(seed, length_m, se
     assert said.severity == severity
     asked = moved_energy(fewer, whole, LARGE)
     assert (max(asked, said.effect.tangential_stiffness) > 0.05) == (severity == "warning")
+
+
+def test_fewer_points_are_not_followed_again_to_be_held_against_more(monkeypatch):
+    """Their slip is known from the answer: the finer map alone is followed, at few forces."""
+    followed, whole = [], BoundaryElementCurve.at_forces
+
+    def at_forces(curve, shares):
+        followed.append(curve.solutions.face.shape)
+        return whole(curve, shares)
+
+    fewer = found(of_waves(4), *FEWER)
+    given = fewer.caps, fewer.caps, fewer.conditioned, fewer.settings
+    contact = replace(fewer.contact, rung=replace(fewer.contact.rung, at_forces=at_forces))
+    one = Problem("resampled_coarser", "warning", "")
+    (told,) = with_effects([one], *given, contact)
+    assert followed == [(60, 80)]
+    (said,) = [one for one in fewer.problems if one.code == "resampled_coarser"]
+    assert told.effect == said.effect
 
 
 def test_caps_keep_their_radii_on_fewer_points_and_are_not_asked():

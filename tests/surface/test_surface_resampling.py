@@ -117,7 +117,7 @@ def test_fewer_points_are_held_against_those_measured_or_twice_as_many_a_side(sh
     surface = condition(HeightMap(z, PIXEL_M)).surface
     found = finer_than(resample(surface, shape), surface)
     told = condition(HeightMap(z, PIXEL_M), resample_to=shape).finer
-    problems = problems_of_fewer_points(resample(surface, shape), found)
+    problems = problems_of_fewer_points(resample(surface, shape), found, surface.shape)
     if finer is None:
         assert found is told is None
         assert problems == []
@@ -128,7 +128,9 @@ def test_fewer_points_are_held_against_those_measured_or_twice_as_many_a_side(sh
         np.testing.assert_array_equal(one.height_m, expected.height_m)
     (problem,) = problems
     assert problem.message.startswith("resampled to {} x {} points".format(*shape))
-    assert problem.message.endswith("against {} x {} that were measured".format(*finer))
+    of = "" if finer == (NY, NX) else f" of {NY} x {NX}"
+    against = "against {} x {}".format(*finer)
+    assert problem.message.endswith(f"{against}{of} that were measured")
 
 
 @pytest.mark.parametrize("void", [False, True])

@@ -300,7 +300,8 @@ def _effect_on_map(
         if code == COARSER and not known:
             scene = replace(scene, noise_m=_seen_noise_m(scene))
         curve = contact.normal if known else model.build(scene)
-        if model.at_forces is not None:
+        followed = code == COARSER and known  # at more forces, to far less than waves move
+        if model.at_forces is not None and not followed:
             curve = model.at_forces(curve, FORCE_SHARES)
         approach_m = curve.approach_m(preload_N) - bulk_m
         found = np.append(answers(curve, model.holds_bulk, surface, settings), approach_m)

@@ -51,6 +51,8 @@ class Conditioned:
     finer : HeightMap, or None
         The same face on more points where it was resampled to fewer, see `finer_than`; without the
         planes that were added since.
+    measured_shape : (int, int), or None
+        (ny, nx) before it was resampled; None where nobody knows.
     """
 
     surface: HeightMap
@@ -64,6 +66,7 @@ class Conditioned:
     second_m: np.ndarray | None = None
     tops_of_scans: tuple[Tops | None, ...] = ()
     finer: HeightMap | None = None
+    measured_shape: tuple[int, int] | None = None
 
     @cached_property
     def seams(self) -> Seams | None:
@@ -200,18 +203,18 @@ def condition(
     if l_filter_nesting_index_m is not None:
         surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
         steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
-    finer = None
+    resampled: dict[str, Any] = {}
     if resample_to is not None:
         measured, surface = surface, resample(surface, resample_to)
         problems += problems_of_resampling(measured, surface)
-        finer = finer_than(surface, measured)
+        resampled = {"finer": finer_than(surface, measured), "measured_shape": measured.shape}
         steps.append({"step": "resampling", "shape": list(surface.shape)})
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
     removed = found if removed_m.size else Outliers()
-    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,), finer=finer)
+    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,), **resampled)
 
 
 def _sloped(surface: HeightMap, slope: tuple[float, float]) -> HeightMap:

@@ -330,7 +330,10 @@ def mate(
     if first.finer is not None or second.finer is not None:
         both = first.finest, second.finest
         finer = composite_surface(*both, placement, robust=robust, floor=floor)
-    return Conditioned(*found, second_m=second_m, tops_of_scans=tops, finer=finer)
+    shape = first.measured_shape
+    return Conditioned(
+        *found, second_m=second_m, tops_of_scans=tops, finer=finer, measured_shape=shape
+    )
 
 
 def _turn(placement: Placement) -> np.ndarray:

@@ -119,14 +119,22 @@ def finer_than(surface: HeightMap, measured: HeightMap) -> HeightMap | None:
     return measured if shape == own else resample(measured, (shape[0], shape[1]))
 
 
-def problems_of_fewer_points(surface: HeightMap, finer: HeightMap | None) -> list[Problem]:
-    """Return that a map has fewer points than one that was finer, where it has."""
+def problems_of_fewer_points(
+    surface: HeightMap, finer: HeightMap | None, measured: tuple[int, int]
+) -> list[Problem]:
+    """Return that a map has fewer points than one that was finer, where it has.
+
+    And how many were measured, where that one has fewer of them, too.
+    """
     if finer is None:
         return []
     (ny, nx), (finer_ny, finer_nx) = surface.shape, finer.shape
+    of_measured = "that were measured"
+    if finer.shape != measured:
+        of_measured = f"of {measured[0]} x {measured[1]} {of_measured}"
     message = (
         f"resampled to {ny} x {nx} points, which takes short waves off, against "
-        f"{finer_ny} x {finer_nx} that were measured"
+        f"{finer_ny} x {finer_nx} {of_measured}"
     )
     return [Problem("resampled_coarser", "warning", message)]
 
