@@ -1,7 +1,9 @@
 """Friction coefficient and preload from measured damping, with their uncertainties."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -180,10 +182,15 @@ class _Search:
     model: JointModel
     bounds: np.ndarray  # (2, 2)
 
+    @cached_property
+    def _unit_curve(self) -> Callable[[float], UnitCurve]:
+        """That of the model, kept: a residual and its slope over ln v_gross are of one preload."""
+        return cache(self.model.unit_curve)
+
     def residual(self, x: np.ndarray) -> np.ndarray:
         """Return ln(model / measured); infinite where the face cannot carry the preload."""
         try:
-            return self._of_curve(self.model.unit_curve(math.exp(x[1])), x[0])
+            return self._of_curve(self._unit_curve(math.exp(x[1])), x[0])
         except ContactError:
             return np.full(self.amplitude_m.size, np.inf)
 
@@ -216,7 +223,7 @@ class _Search:
 
     def log_of_friction(self, x: np.ndarray) -> float:
         """Return ln mu."""
-        unit = self.model.unit_curve(math.exp(x[1]))
+        unit = self._unit_curve(math.exp(x[1]))
         return math.log(self.amplitude_m[-1] / unit.gross_slip_amplitude_m) + float(x[0])
 
     def scanned(self, log_N0: np.ndarray, way: float) -> np.ndarray:
@@ -278,7 +285,7 @@ class _Search:
         from scipy.optimize import minimize_scalar
 
         try:
-            unit = self.model.unit_curve(math.exp(log_N0))
+            unit = self._unit_curve(math.exp(log_N0))
         except ContactError:
             return math.inf, 0.0, math.inf
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -24,9 +24,12 @@ from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import UnreadableFileError
 from capslip.output.staging import SUMMARY, read_summary
 from capslip.settings import Settings, SlipSettings, load_settings
-from capslip.structure.response import response
+from capslip.structure.response import total_loss
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 TRIALS_OF_A_MAP, STEP_OF_A_MAP = 25, 2e-2
 
@@ -89,17 +92,14 @@ class JointModel:
         slip = varying(slip, self.normal_load)
         share = np.append(np.geomspace(1e-5, 0.97, points), 1 - np.geomspace(0.029, 1e-6, 60))
         share = np.append(share, 1.0)
-        damping = response(
+        total_m, loss_factor, frequency_ratio = total_loss(
             slip,
             self.modal_stiffness_N_per_m,
             self.joint_stiffness_N_per_m,
             self.joints,
             share * (slip.total_slip_force_N / self.joint_stiffness_N_per_m),
         )
-        stiffness_ratio = damping.frequency_ratio**2
-        return UnitCurve(
-            damping.total_amplitude_m, damping.total_loss_factor, stiffness_ratio, share
-        )
+        return UnitCurve(total_m, loss_factor, frequency_ratio**2, share)
 
     def plane(self) -> "JointModel":
         """Return the same structure with perfectly plane interfaces (Peyret et al. 2010)."""
@@ -128,17 +128,29 @@ class UnitCurve:
     def __call__(self, amplitude_m: np.ndarray) -> np.ndarray:
         """Interpolate the loss factor; NaN beyond gross slip."""
         # eta / v is constant at small amplitudes, and so the smoothest thing to interpolate.
-        return amplitude_m * self._at(amplitude_m, self.loss_factor / self.amplitude_m)
+        return amplitude_m * self._at(amplitude_m, self._loss_per_amplitude)
 
     def stiffness_ratio_at(self, amplitude_m: np.ndarray) -> np.ndarray:
         """Interpolate (f / f_0)^2; NaN beyond gross slip."""
-        return self._at(amplitude_m, self.stiffness_ratio)
+        return self._at(amplitude_m, self._stiffness)
 
-    def _at(self, amplitude_m: np.ndarray, values: np.ndarray) -> np.ndarray:
+    # Made once: a search asks one curve a hundred times, and to make it takes longer than to ask
+    @cached_property
+    def _loss_per_amplitude(self) -> "PchipInterpolator":
+        return self._over_log(self.loss_factor / self.amplitude_m)
+
+    @cached_property
+    def _stiffness(self) -> "PchipInterpolator":
+        return self._over_log(self.stiffness_ratio)
+
+    def _over_log(self, values: np.ndarray) -> "PchipInterpolator":
         from scipy.interpolate import PchipInterpolator
 
+        return PchipInterpolator(np.log(self.amplitude_m), values)
+
+    def _at(self, amplitude_m: np.ndarray, over_log: "PchipInterpolator") -> np.ndarray:
         inside_m = np.clip(amplitude_m, self.amplitude_m[0], self.amplitude_m[-1])
-        found = PchipInterpolator(np.log(self.amplitude_m), values)(np.log(inside_m))
+        found = over_log(np.log(inside_m))
         # the bound itself belongs to the curve, whatever the rounding of v / mu
         held = amplitude_m <= self.amplitude_m[-1] * (1 + 1e-9)
         return np.asarray(np.where(held, found, np.nan))

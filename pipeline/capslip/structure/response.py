@@ -150,6 +150,23 @@ def response(
     return mode.damping(states, peak, first, gross_slip_m)
 
 
+def total_loss(
+    slip: SlipCurve,
+    modal_stiffness_N_per_m: float,
+    joint_stiffness_N_per_m: float,
+    joints: int,
+    amplitude_m: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what `response` gives as total amplitude and loss factor, and the frequency ratio.
+
+    Each of shape (n,), at amplitudes of which none is beyond gross slip. The peak is not looked
+    for, which takes longer than the rest.
+    """
+    mode = _Mode(slip, modal_stiffness_N_per_m, joint_stiffness_N_per_m, joints)
+    found = mode.damping(mode.states(amplitude_m), None, None, float(amplitude_m[-1]))
+    return found.total_amplitude_m, found.total_loss_factor, found.frequency_ratio
+
+
 @dataclass(frozen=True)
 class _Mode:
     slip: SlipCurve
