@@ -36,6 +36,9 @@ from scenes import PROJECT, caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
 
+# What is asked of the settings is answered by caps, and no map is pressed for it
+ALONE = {"model": "caps", "alignment": "as_levelled"}
+
 
 @cache
 def plain():
@@ -75,8 +78,9 @@ def test_analyze_is_pure(tmp_path, monkeypatch, capsys):
 def test_a_material_has_its_modulus_however_the_settings_were_made(said):
     """It kept that of steel where its class was given a hardness: K was 76 % too great."""
     lines = [f"material.{key}={value}" for key, value in said.items()]
+    lines += [f"contact.{key}={value}" for key, value in ALONE.items()]
     read = capslip.load_settings(None, ("material.preset=aluminium", *lines))
-    made = capslip.Settings(material=Material(preset="aluminium", **said))
+    made = capslip.Settings(material=Material(preset="aluminium", **said), contact=Contact(**ALONE))
     assert checked(made) == checked(read) == read
     found, same = (analyze_once(caps_map(CAPS), one) for one in (made, read))
     assert found.settings == same.settings
@@ -477,7 +481,8 @@ def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
     ],
 )
 def test_settings_that_are_hardly_meant_are_said(overrides, code):
-    settings = capslip.load_settings(overrides=tuple(overrides))
+    alone = (f"contact.{key}={value}" for key, value in ALONE.items())
+    settings = capslip.load_settings(overrides=(*overrides, *alone))
     analysis = analyze_once(caps_map(CAPS), settings)
     said = {p.code for p in analysis.problems if p.severity == "warning"}
     silly = {"materials_coupled", "friction_suspect", "beam_ignored"} & said
