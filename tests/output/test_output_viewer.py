@@ -290,11 +290,11 @@ def test_page_shows_two_faces_or_their_sum(page, tmp_path):
         's.dispatchEvent(new Event("input"));'
     )
     at = [(0.004, 0.003, 0.2e-6), (0.0141, 0.0102, 0.9e-6), (0.0252, 0.0051, 0.9e-6)]
-    ask_for = (
-        f"return {[list(place) for place in at]}.map((p) => window.capslipViewer.placed(...p))"
-    )
-    assert ask(tmp_path / "view.html", ask_for, tmp_path) == pytest.approx([z for *_, z in at])
-    found = ask(tmp_path / "view.html", both + ask_for, tmp_path)
+    placed = f"{[list(place) for place in at]}.map((p) => window.capslipViewer.placed(...p))"
+    say = 'document.querySelector(".viewer").innerText'
+    then = f"const was = [{placed}, {say}]; {both} return [...was, {placed}, {say}]"
+    alone, said_alone, found, said = ask(tmp_path / "view.html", then, tmp_path)
+    assert alone == pytest.approx([z for *_, z in at])
     low_m, high_m = view.first_limits_m
     for (x_m, y_m, z_m), height_m in zip(at, found, strict=True):
         on_first_m = (
@@ -302,10 +302,9 @@ def test_page_shows_two_faces_or_their_sum(page, tmp_path):
         )
         clipped_m = min(max(on_first_m, low_m), high_m) - low_m
         assert height_m == pytest.approx(clipped_m, abs=1e-10)
-    say = 'return document.querySelector(".viewer").innerText'
-    assert "Both faces" in ask(tmp_path / "view.html", both + say, tmp_path)
-    assert "Both faces" not in ask(tmp_path / "view.html", say, tmp_path)
-    assert "both faces" not in ask(page, say, tmp_path)
+    assert "Both faces" in said
+    assert "Both faces" not in said_alone
+    assert "both faces" not in ask(page, f"return {say}", tmp_path)
     apart = picture(tmp_path / "view.html", tmp_path, both)
     red, blue = apart[..., 0].astype(int), apart[..., 2].astype(int)
     assert ((blue > red + 12) & (red > 60)).sum() > 20_000  # the second, seen through
