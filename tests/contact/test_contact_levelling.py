@@ -28,6 +28,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
 from scenes import REFERENCE, caps_map
 
+pytestmark = pytest.mark.usefixtures("fewer_points")  # how a map lay is told on any of them
 SHAPE, PIXEL_M = (160, 240), (2.5e-4, 2.5e-4)  # 40 mm x 60 mm
 SHARES = np.array([0.1, 0.25, 0.5, 0.75])
 
@@ -108,9 +109,9 @@ def test_a_plane_added_to_a_map_of_caps_comes_out_as_tilt(across_m, form):
         assert tilt(other) == pytest.approx(tilt(flat) - slope, abs=1e-12)
 
 
-@pytest.mark.parametrize("across_m", [(3e-5, 0.0), (-1e-5, 2e-5)])
-def test_a_plane_added_to_waves_changes_nothing(across_m):
-    added = turned(few_waves(), (across_m[0] / 0.06, across_m[1] / 0.04), (0.0, 0.0))
+def test_a_plane_added_to_waves_changes_nothing():
+    """Ten times their relief across the face."""
+    added = turned(few_waves(), (-3e-5 / 0.06, 2e-5 / 0.04), (0.0, 0.0))
     same_answers(plain(few_waves), analyzed(added, "conditioning.form=none"), 1e-6)
 
 
@@ -126,18 +127,20 @@ def test_a_mirrored_and_a_transposed_map_give_the_same_answers(of):
         assert tilt(other) == pytest.approx(expected, abs=1e-11)
 
 
+@cache
+def of_lengths(factor, seed):
+    """Return what is found of waves that are larger in every direction, under the same stress."""
+    z = gaussian_filter(np.random.default_rng(seed).standard_normal((80, 120)), 3.0)
+    z *= 4e-7 / z.std()
+    surface = HeightMap(factor * z, (5e-4 * factor, 5e-4 * factor))
+    load = f"contact.preload_N={50.0 * factor**2!r}"
+    return analyzed(surface, load, "contact.model=interacting")
+
+
 @pytest.mark.parametrize(("times", "seed"), [(3.0, 3), (1e-3, 6), (1e3, 6)])
 def test_all_lengths_times_a_number_change_no_decision(times, seed):
     """Under the load times its square: stiffness goes with it, energy with its cube."""
-    z = gaussian_filter(np.random.default_rng(seed).standard_normal((80, 120)), 3.0)
-    z *= 4e-7 / z.std()
-
-    def of(factor):
-        surface = HeightMap(factor * z, (5e-4 * factor, 5e-4 * factor))
-        load = f"contact.preload_N={50.0 * factor**2!r}"
-        return analyzed(surface, load, "contact.model=interacting")
-
-    one, other = of(1.0), of(times)
+    one, other = of_lengths(1.0, seed), of_lengths(times, seed)
     power = np.array([3.0, 3.0, 3.0, 3.0, 1.0, 1.0])
     assert answers(other) / times**power == pytest.approx(answers(one), rel=1e-6)
     assert other.level.slope == pytest.approx(one.level.slope, rel=1e-6)
@@ -183,7 +186,7 @@ def test_points_that_never_touch_do_not_matter():
     assert np.abs(moved).max() > 0.1  # as levelled, they do
 
 
-@pytest.mark.parametrize("ratio", [0.05, 0.2, 0.3])
+@pytest.mark.parametrize("ratio", [0.05, 0.3])
 @pytest.mark.parametrize(("of", "rel"), [(face, 1e-3), (few_waves, 1e-2)])
 def test_the_cut_that_is_started_from_does_not_matter(of, rel, ratio):
     same_answers(plain(of), analyzed(of(), f"hills.material_ratio={ratio}"), rel)
