@@ -154,9 +154,9 @@ def test_a_rough_face_between_its_solved_loads(correlation_px):
     from scipy.ndimage import gaussian_filter
 
     rng = np.random.default_rng(5)
-    height = gaussian_filter(rng.standard_normal((128, 128)), correlation_px, mode="wrap")
+    height = gaussian_filter(rng.standard_normal((96, 96)), correlation_px, mode="wrap")
     face = elastic_face(HeightMap(1e-7 * height / height.std(), (1e-5, 1e-5)), 110e9)
-    pressed = press(face, load_N=30.0 / correlation_px)
+    pressed = press(face, load_N=17.0 / correlation_px)
     unloading = module.unload(face, pressed, 1e-7)
     assert len(unloading.solved_load_N) - 1 < module.MAX_SOLUTIONS
     path = Path(face, pressed, 1e-7, True)
@@ -205,10 +205,10 @@ def test_the_error_holds_where_few_pixels_slip():
     """
     beyond = []
     for seed, correlation_px, load_N in [
-        *((seed, 0.0, 4.5) for seed in (1, 2, 3, 7)),
-        *((seed, 1.0, 4.5) for seed in (1, 2)),
-        *((seed, 1.5, 4.0) for seed in (2, 3)),
-        *((seed, 3.0, 1.5) for seed in (1, 2)),
+        *((seed, 0.0, 4.5) for seed in (1, 2, 7)),
+        (1, 1.0, 4.5),
+        (2, 1.5, 4.0),
+        (1, 3.0, 1.5),
     ]:
         face = rough_face(seed, correlation_px)
         pressed = press(face, load_N=load_N)
