@@ -1,6 +1,7 @@
 """Slip under an oscillating normal load: closed forms, and springs followed step by step."""
 
 import math
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def springs():
 
     The number of springs up to the gap g is 1.5 C g^0.5.
     """
-    edges_m = 4e-7 * np.linspace(0, 1, 2001) ** 2
+    edges_m = 4e-7 * np.linspace(0, 1, 1001) ** 2
     stiffness_N_per_m = 1.5 * float(ONE.load_N(1.0)) * np.diff(edges_m**0.5)
     return (edges_m[1:] + edges_m[:-1]) / 2, stiffness_N_per_m
 
@@ -70,7 +71,7 @@ def test_in_phase_nothing_slips_below_mu_times_the_normal_amplitude(phase_rad):
     assert slip.total_slip_force_N == pytest.approx(0.9 * T, rel=1e-12)
 
 
-@pytest.mark.parametrize("n_P", [18, 180, 1800])
+@pytest.mark.parametrize("n_P", [18, 1800])
 @pytest.mark.parametrize(("ratio", "phase_rad"), [(0.01, 1.57), (0.1, 0.3), (0.05, 0.0)])
 def test_where_a_family_slips_as_a_whole_the_answers_are_those_of_the_cycles(n_P, ratio, phase_rad):
     """The more caps it has, the steeper energy and displacement rise there."""
@@ -121,33 +122,38 @@ def test_the_sense_of_the_phase_and_half_a_turn_change_nothing():
     np.testing.assert_allclose(under(0.2, 0.7 + math.pi).energy_at_force_J(T), one, rtol=5e-3)
 
 
+@cache
+def of_one_contact(ratio, phase_rad):
+    """Return the slip of the contact of the springs, without and with a load that oscillates."""
+    constant = slip_curve(ONE, float(ONE.load_N(2e-7)), MU, KAPPA)
+    return constant, under(ratio, phase_rad, constant)
+
+
 @pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, math.pi / 2), (0.3, 0.7), (0.25, 0.0)])
 def test_against_springs_followed_step_by_step(ratio, phase_rad):
     """Springs of their own gaps, each with Coulomb's law: what the theorem is exact for."""
     gap_m, stiffness_N_per_m = springs()
-    constant = slip_curve(ONE, float(ONE.load_N(2e-7)), MU, KAPPA)
-    slip = under(ratio, phase_rad, constant)
+    constant, slip = of_one_contact(ratio, phase_rad)
     T = 0.4 * float(constant.total_slip_force_N)
     displacement_m, _ = slip.loop(float(slip.displacement_m(T)), 241)
-    steps = np.arange(0, 720, 0.05)  # three turns
+    steps = np.arange(0, 720, 0.1)  # three turns
     turns = np.interp(
         steps, np.arange(721), np.append(np.tile(displacement_m[:-1], 3), displacement_m[0])
     )
     wave = np.cos(2 * np.pi * steps / 240 - phase_rad)
     approach_m = ONE.approach_m(constant.preload_N * (1 + ratio * wave))
-    force_N = brush(approach_m, gap_m, stiffness_N_per_m, turns)[-4801:]
+    force_N = brush(approach_m, gap_m, stiffness_N_per_m, turns)[-2401:]
     assert np.ptp(force_N) / 2 == pytest.approx(T, rel=1e-2)
-    lost_J = np.sum((force_N[1:] + force_N[:-1]) / 2 * np.diff(turns[-4801:]))
+    lost_J = np.sum((force_N[1:] + force_N[:-1]) / 2 * np.diff(turns[-2401:]))
     assert lost_J == pytest.approx(float(slip.energy_at_force_J(T)), rel=1e-2)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("share", [0.3, 0.9])
 @pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, 0.7), (0.3, math.pi / 2), (0.2, 2.5)])
 def test_a_joint_preloaded_and_then_sheared_settles_where_the_loop_is(ratio, phase_rad, share):
     """Moved as the loop says, springs that were preloaded first have its force, without offset."""
     gap_m, stiffness_N_per_m = springs()
-    constant = slip_curve(ONE, float(ONE.load_N(2e-7)), MU, KAPPA)
-    slip = under(ratio, phase_rad, constant)
+    constant, slip = of_one_contact(ratio, phase_rad)
     T = share * slip.total_slip_force_N
     displacement_m, loop_N = slip.loop(float(slip.displacement_m(T)), 241)
     steps = np.arange(0, 720.01, 0.1)  # three turns
