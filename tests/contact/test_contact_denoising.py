@@ -18,6 +18,7 @@ from capslip.surface.mating import composite_surface, place
 
 E_STAR_PA, LOAD_N, NOISE_M = 110e9, 100.0, 3e-9
 SHARES = (0.1, 0.25, 0.75)
+FEW_N = 56.0  # on a map of 60 x 75 points
 
 
 def waves(seed=1, shape=(120, 160), **more):
@@ -161,33 +162,35 @@ def test_of_a_map_with_too_many_lost_points_none_is_moved():
 
 
 def curve_of(surface, noise_m=None):
-    return boundary_elements(surface, E_STAR_PA, preload_N=LOAD_N, balanced=True, noise_m=noise_m)
+    return boundary_elements(surface, E_STAR_PA, preload_N=FEW_N, balanced=True, noise_m=noise_m)
 
 
 def losses_J(curve):
-    unloading, drop_N = curve.unloading(LOAD_N), np.array(SHARES) * LOAD_N
+    unloading, drop_N = curve.unloading(FEW_N), np.array(SHARES) * FEW_N
     relative = np.interp(drop_N, unloading.load_drop_N, unloading.loss_J / unloading.load_drop_N**3)
     return relative * drop_N**3
 
 
 def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
-    """Of 18 energies, 95 % of which are to be within."""
+    """Of 12 energies, 95 % of which are to be within."""
     off, as_it_was, said = [], [], []
-    for seed in range(21, 27):
-        true = waves(seed, (80, 100))
+    for seed in range(21, 25):
+        true = waves(seed, (60, 75))
         noisy = with_noise(true, seed=seed)
         without, known, unknown = curve_of(true), curve_of(noisy, NOISE_M), curve_of(noisy)
-        off.append(losses_J(known) / losses_J(without) - 1.0)
-        as_it_was.append(losses_J(unknown) / losses_J(without) - 1.0)
-        stated, problems = error_of_map(known, LOAD_N, 0.05, NOISE_M)
+        true_J, unknown_J = (losses_J(one.at_forces(SHARES)) for one in (without, unknown))
+        off.append(losses_J(known) / true_J - 1.0)
+        as_it_was.append(unknown_J / true_J - 1.0)
+        stated, problems = error_of_map(known, FEW_N, 0.05, NOISE_M)
         assert "noise_taken_off" in {problem.code for problem in problems}
         said.append([stated.energy_at(share) for share in SHARES])
     rms, before = (np.sqrt(np.mean(np.square(one), axis=0)) for one in (off, as_it_was))
     assert (rms < 0.6 * before).all()
-    assert (np.abs(off) <= said).sum() >= 16
+    assert (np.abs(off) <= said).sum() >= 11
     assert (np.median(said, axis=0) < [0.2, 0.1, 0.05]).all()
 
 
+@pytest.mark.usefixtures("fewer_points")
 def test_the_answer_of_a_scan_with_known_noise_is_narrower_and_holds_that_of_the_face():
     preload, known = f"contact.preload_N={LOAD_N}", f"instrument.noise_m={NOISE_M}"
     true = waves(5)
