@@ -5,7 +5,7 @@ import pytest
 from contact_cases import table
 
 from capslip import load_settings
-from capslip.analysis import analyze, analyze_families, analyze_once
+from capslip.analysis import analyze_families, analyze_once
 from capslip.caps.families import group_families
 from capslip.contact.material import hardness_Pa, yield_law
 from capslip.contact.models.interacting import interacting
@@ -407,6 +407,7 @@ def test_a_cap_that_yields_is_no_wider_than_it_was_a_sphere(model, of_most):
         assert contact().contact_area_m2 == pytest.approx(load_N / H, rel=1e-3)
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
 def test_a_soft_face_is_wider_in_contact_and_loses_less_at_given_force(alignment):
     caps = [
@@ -425,7 +426,7 @@ def test_a_soft_face_is_wider_in_contact_and_loses_less_at_given_force(alignment
                 *more,
             )
         )
-        analysis = analyze(caps_map(caps), settings)
+        analysis = analyze_once(caps_map(caps), settings)
         state = analysis.contact
         assert state is not None, [p.message for p in analysis.problems]
         codes = {p.code for p in analysis.problems}
@@ -457,6 +458,7 @@ ROUND = [
 ]
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(("hardness", "off"), [(None, 0.01), (5e6, 0.06), (3e6, 0.02)])
 def test_a_face_of_caps_finds_the_level_and_stiffness_of_its_map(hardness, off):
     more = () if hardness is None else (f"material.hardness_Pa={hardness!r}",)
