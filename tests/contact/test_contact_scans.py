@@ -236,13 +236,13 @@ def test_what_makes_no_joint_of_scans_is_refused(overrides, count, says):
 
 def test_a_face_cut_in_four_is_the_sum_of_its_parts_and_the_whole_but_for_its_contacts():
     rng = np.random.default_rng(1)
-    z = gaussian_filter(rng.standard_normal((300, 300)), 4, mode="wrap")
+    z = gaussian_filter(rng.standard_normal((240, 240)), 4, mode="wrap")
     z *= 2e-4 * 5e-5 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
     settings = capslip.load_settings(
         overrides=(
             "contact.nominal_pressure_Pa=1e6",
             "contact.model=interacting",
-            "joint.area_m2=2.25e-4",
+            "joint.area_m2=1.44e-4",
         )
     )
     quarters = [half for rows in np.split(z, 2) for half in np.split(rows, 2, axis=1)]
