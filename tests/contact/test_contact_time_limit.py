@@ -262,6 +262,7 @@ def test_where_there_was_time_for_all_loads_more_of_it_is_no_advice():
 
 def test_detail_that_is_out_of_time_is_a_warning_and_leaves_the_error_between_loads(monkeypatch):
     monkeypatch.undo()  # on fewer points pixels leave more than is between loads
+
     def late(*given, **more):
         raise OutOfTimeError("late")
 
