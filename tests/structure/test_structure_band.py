@@ -18,6 +18,7 @@ from capslip.contact.models.caps import caps
 from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers import refinement
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.contact.varying_load import varying
 from capslip.settings import Question, load_settings
@@ -293,8 +294,15 @@ def under_a_wave(asked, value, ratio, phase_rad, mu=MU, preload=N, E=1.0, H=None
 @pytest.mark.parametrize(
     ("name", "spread"), [("friction", 0.2), ("preload", 0.2), ("modulus", 0.1), ("hardness", 0.2)]
 )
-@pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, 0.0), (0.3, 1.2), (0.2, 2.5)])
-@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+@pytest.mark.parametrize(
+    ("asked", "ratio", "phase_rad"),
+    [
+        ("slip_force_N", 0.1, 0.0),
+        ("displacement_m", 0.1, 0.0),
+        ("slip_force_N", 0.3, 1.2),
+        ("displacement_m", 0.2, 2.5),
+    ],
+)
 def test_under_a_load_that_oscillates_one_spread_moves_the_cycle(
     asked, ratio, phase_rad, name, spread
 ):
@@ -440,6 +448,13 @@ def test_a_map_is_followed_down_from_its_preload_alone():
     assert found.left_out == ("error of the model", "noise of the map that pixels share")
 
 
+@pytest.fixture
+def fewer_points(monkeypatch):
+    """Refine contacts to half as many points across: both ways to one state are solved on them."""
+    monkeypatch.setattr(refinement, "_WIDE", 0.5 * refinement._WIDE)
+
+
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("seed", [38, 43])
 def test_an_interval_of_the_load_knows_what_touches_under_more_of_it(seed):
     """On waves that are elastic: from less load alone more cannot be told."""
@@ -457,7 +472,7 @@ def test_an_interval_of_the_load_knows_what_touches_under_more_of_it(seed):
     )
     ends_J = []
     for load_N in N * np.exp(np.array([Z_90, -Z_90]) * 0.1 / NORMAL_95):
-        other = under(load_N)
+        other = under(load_N).at_forces((0.25 * N / load_N, 0.75))
         ends_J.append(other.loss_integral_at_drop_J(other.approach_m(load_N), 0.25 * N))
     ends = np.log(MU**2 * STEEL.kappa * np.array(ends_J))
     off = np.abs(np.log(found.interval["energy_J"]) - ends)
@@ -506,8 +521,12 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
         (4e7, "hardness", 0.1),
     ],
 )
-def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, name, spread):
+def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(
+    request, hardness_Pa, name, spread
+):
     """Two hills, of which the lower one takes more of more load, or of less hardness."""
+    if hardness_Pa < 1e12:  # flats take many, and are as good on fewer
+        request.getfixturevalue("fewer_points")
     hills = [(2.7e-3, 5e-3, 1.0, 0.0), (7.3e-3, 5e-3, 1.0, 3e-7)]
     surface = caps_map(hills, shape=(100, 100), floor_m=-1.0)
 
@@ -531,6 +550,7 @@ def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, na
     for factor in np.exp(np.array([-Z_90, Z_90]) * spread / NORMAL_95):
         of_load, of_hardness = (factor, 1.0) if name == "preload" else (1.0, factor)
         curve = on_the_map(of_load * N, of_hardness * hardness_Pa)
+        curve = curve.at_forces((drop_N / (of_load * N), 0.75))
         loss_J = curve.loss_integral_at_drop_J(curve.approach_m(of_load * N), drop_N)
         ends_J.append(MU**2 * STEEL.kappa * float(loss_J))
     low, high = sorted(ends_J)
@@ -538,6 +558,7 @@ def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, na
     assert off.max() < max(0.03 * np.log(high / low), 0.01)  # the latter between solved loads
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(
     ("yielded_share", "spread", "solutions"), [(0.049, 0.1, 1), (0.051, 0.1, 2), (0.049, 0.2, 2)]
 )
@@ -784,7 +805,7 @@ def test_equal_scans_under_a_preload_that_is_not_certain_have_the_interval_of_a_
         assert off.max() < 0.03 * np.log(high / low), name
 
 
-@pytest.mark.parametrize("count", [2, 3, 5])
+@pytest.mark.parametrize("count", [2, 5])
 def test_nine_intervals_in_ten_hold_the_mean_of_what_the_scans_were_drawn_from(count):
     """Spheres of any radius, a joint of all of them: the truth is that of 400 of them."""
     s = 0.3
