@@ -225,7 +225,7 @@ def test_a_known_noise_that_the_hills_do_not_show_moves_a_cap_by_itself(known_m,
 def test_an_interval_holds_the_face_below_known_noise_that_neighbours_share():
     """Smooth on a hill, it moved W of these faces by 12 %, and 1.5 % was said."""
     inside = 0
-    for seed in range(8):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         places = [(5e-3 + 7e-3 * i, 5e-3 + 7e-3 * j) for i in range(3) for j in range(3)]
         spheres = [(x, y, rng.uniform(1.0, 3.0), -rng.uniform(0, 2e-7)) for x, y in places]
@@ -236,7 +236,7 @@ def test_an_interval_holds_the_face_below_known_noise_that_neighbours_share():
         truth = analyze(clean, load_settings(overrides=sets[:1])).answer.energy_J
         low_J, high_J = analyze(noisy, load_settings(overrides=sets)).band.interval["energy_J"]
         inside += low_J <= truth <= high_J
-    assert inside >= 6
+    assert inside >= 4
 
 
 @pytest.mark.parametrize(("of_own", "least", "most"), [(0.0, 0.0, 0.12), (0.5, 0.45, 0.55)])
