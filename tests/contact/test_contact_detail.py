@@ -71,6 +71,7 @@ def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_ow
     rough, truth = (
         bem.boundary_elements(one, E_STAR_PA, preload_N=300.0) for one in (coarse, fine)
     )
+    truth = truth.at_forces(detail.FORCE_SHARES)
     stiffness, loss = (
         detail._relative(*(read(one.unloading(300.0)) for one in (rough, truth)))
         for read in (detail._stiffnesses_N_per_m, detail._loss_J)
@@ -87,7 +88,9 @@ def test_a_map_that_is_rough_from_pixel_to_pixel_is_pressed_on_halves_of_them():
     """Contacts of 2.5 pixels: on whole ones the energy at a quarter of mu N is 33 % off."""
     scene = Scene((80, 120), (2e-4, 2e-4), seed=3, roughness_rms_m=2e-7, roughness_length_m=6e-4)
     scan, truth = (
-        bem.boundary_elements(synthetic_surface(scene, finer=finer)[0], E_STAR_PA).unloading(100.0)
+        bem.boundary_elements(synthetic_surface(scene, finer=finer)[0], E_STAR_PA)
+        .at_forces(detail.FORCE_SHARES)
+        .unloading(100.0)
         for finer in (1, 3)
     )
     assert scan.refinement == 2
@@ -114,6 +117,7 @@ def test_detail_that_is_smooth_from_pixel_to_pixel_is_a_note_where_the_force_ask
         bem.boundary_elements(synthetic_surface(scene, finer=finer)[0], E_STAR_PA, preload_N=100.0)
         for finer in (1, 2)
     )
+    truth = truth.at_forces(detail.FORCE_SHARES)
     stated, said = error_of_map(scan, 100.0, TOLERANCE)
     assert {(one.code, one.severity) for one in said} == {
         ("detail_decides", "info"), ("small_slip_extrapolated", "info")
