@@ -26,11 +26,13 @@ SPHERE = families((1, 0), (20.0, 20.0), (0.0, 0.0), E_STAR_PA)
 MANY = caps(np.full(200, 2.0), np.linspace(0.0, 4e-6, 200), E_STAR_PA)
 
 
-def pressed(tmp_path, pressures_Pa, *overrides, noise_m=0.0):
+def pressed(tmp_path, pressures_Pa, *overrides, noise_m=0.0, points=44):
     path = tmp_path / "pressures.csv"
     path.write_text("pressure_Pa,area_m2\n" + "".join(f"{p!r},1e-5\n" for p in pressures_Pa))
     given = ("contact.model=boundary_elements", f"joint.pressure_map={path}", *overrides)
-    return analyze_once(noisy_waves(noise_m), capslip.load_settings(overrides=given))
+    whole = noisy_waves(noise_m)
+    part = replace(whole, height_m=whole.height_m[:points, :points].copy())
+    return analyze_once(part, capslip.load_settings(overrides=given))
 
 
 def said(found):
@@ -153,14 +155,15 @@ def test_a_load_that_slips_first_is_not_left_to_heavy_ones():
     assert standing_for(load_N, np.ones(31), 3)[0] == 0.5
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("yields", [False, True])
 def test_few_solved_pressures_stand_for_many(tmp_path, monkeypatch, yields):
     """At one level: where each finds its own, what moves between two of them is chance as well."""
     pressures_Pa = np.linspace(0.2e6, 1e6, 10).tolist()
     given = ("contact.alignment=as_levelled", *(("material.hardness_Pa=4e8",) if yields else ()))
-    few = pressed(tmp_path, pressures_Pa, *given)
+    few = pressed(tmp_path, pressures_Pa, *given, points=64)
     monkeypatch.setattr(joint, "MAX_SOLVED", 10)
-    every = pressed(tmp_path, pressures_Pa, *given)
+    every = pressed(tmp_path, pressures_Pa, *given, points=64)
     assert not said(every)
     (note,) = said(few)
     assert "the map was solved 8 times for 10 pressures of the joint" in note.message
@@ -191,6 +194,7 @@ def test_patches_too_light_for_the_pixels_are_scaled_and_said(tmp_path):
     assert note.effect.tangential_stiffness == pytest.approx(np.log1p(light), rel=1e-3)
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(
     ("hardness", "noise_m"), [((), 0.0), (("material.hardness_Pa=4e8",), 0.0), ((), 2e-9)]
 )
@@ -325,6 +329,7 @@ def test_nothing_is_said_where_every_pressure_has_its_curve():
     assert said_of(of, patches_of([2.0], any_load), 0.05) == []
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
 def test_a_light_patch_whose_slip_there_was_no_time_to_follow_says_so(
     tmp_path, monkeypatch, hardness
