@@ -220,6 +220,18 @@ def test_every_number_of_the_table_of_caps_is_of_its_head_and_unit():
     assert [row[-1] for row in found["rows"]] == ["", "edge", "", "", ""]
 
 
+def test_the_table_of_caps_goes_by_what_the_hills_bear_where_the_map_was_pressed():
+    of, hill_N = caps(), np.array([3.0, 0.0, 1.0, 0.5, 7.0])
+    found = report._cap_rows(of, hill_N)
+    assert [row[0] for row in found["rows"]] == ["5", "1", "3", "4", "2"]
+    assert found["by"] == "by what their hills bear of the pressed map"
+    at = found["heads"].index("load on the hill [N]")
+    assert [float(row[at]) for row in found["rows"]] == [7.0, 3.0, 1.0, 0.5, 0.0]
+    assert report._cap_rows(of)["by"] == "by load"
+    bare = of.with_columns(load_N=np.full(len(of), np.nan))
+    assert report._cap_rows(bare)["by"] == "by height: nothing was pressed"
+
+
 def test_the_row_of_a_scan_holds_its_own_numbers():
     of = {
         "name": "left",

@@ -8,9 +8,13 @@ import pytest
 
 from capslip.analysis import analyze_once
 from capslip.output.arrays import _loads_N
+from capslip.output.figures_surface import cap_profile
+from capslip.output.report import MAX_ROWS, _cap_rows
+from capslip.output.view import cap_lines, colouring, read_view
 from capslip.output.zones import (
     Zones,
     compression_at,
+    hill_loads_N,
     loss_shares,
     pixels_at,
     zone_at,
@@ -182,6 +186,26 @@ def test_a_region_is_of_the_hill_under_its_greatest_pressure(wavy):
         top = zones.pixel[of][np.argmax(pressure_Pa[of])]
         assert zones.cap[k] == hill[top] - 1
     assert len(set(zones.cap)) > 5
+
+
+def test_table_profile_and_picture_agree_on_what_each_hill_bears(wavy, tmp_path):
+    label, n = wavy.hills.label, len(wavy.caps)
+    pressed = wavy.contact.normal.pressed(600.0)
+    pixel_N = pressed.pressure_Pa * np.prod(pressed.pixel_size_m)
+    hill_N = np.array([pixel_N[label == i + 1].sum() for i in range(n)])
+    assert 0.0 < hill_N.sum() < 600.0  # some lies beside all hills
+    order = [str(i + 1) for i in np.lexsort((-wavy.caps.peak_height_m, -hill_N))]
+    assert [row[0] for row in _cap_rows(wavy.caps, hill_loads_N(wavy))["rows"]] == order[:MAX_ROWS]
+    title = cap_profile(wavy).axes[0].get_title(loc="left")
+    usable = np.where(wavy.caps.usable, hill_N, -1.0)
+    assert title.startswith(f"Cap {np.argmax(usable) + 1}, the most loaded hill")
+    view = read_view(output_cases.written(wavy, tmp_path))
+    np.testing.assert_allclose(view.cap_load_N, hill_N[view.cap], rtol=1e-12)
+    assert colouring(view, "load").title.startswith("load on the hill [")
+    own = np.isin(view.cap, view.zones.cap)
+    beside = int(np.flatnonzero(~own & (view.cap_load_N > 0.0))[0])  # its neighbour's contact
+    assert "no contact of its own" in cap_lines(view, beside, 1.0, 0.0)
+    assert not any("touches nowhere" in one for one in cap_lines(view, beside, 1.0, 0.0))
 
 
 def test_region_that_leaves_at_once_touches_under_the_whole_load_alone(pressed_map, monkeypatch):

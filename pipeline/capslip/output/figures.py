@@ -74,7 +74,8 @@ FIGURES = {
         figures_surface.cap_profile,
         "Profile of a cap",
         "a cap",
-        "One row of the map through the apex of the most loaded cap, with the fitted sphere and "
+        "One row of the map through the apex of the most loaded cap, where the map was pressed of "
+        "that whose hill bears most, with the fitted sphere and "
         "the two lengths that Eq. 18 takes: D, the diameter of the circle with the area of the "
         "hill at the cut, and df, the apex above the cut. Heights are enlarged by the factor "
         "printed; at true "

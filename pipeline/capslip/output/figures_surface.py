@@ -18,6 +18,7 @@ from capslip.output.canvas import (
     write_decades,
 )
 from capslip.output.quantity import engineering, scaled
+from capslip.output.zones import hill_loads_N
 from capslip.summary import alignment_table
 
 if TYPE_CHECKING:
@@ -101,25 +102,17 @@ def _heights_over(analysis: "Analysis") -> str:
 
 def _cap_to_show(analysis: "Analysis") -> tuple[int, str]:
     """Return the most loaded cap, or the highest where none is, and a title with its flags."""
-    caps, load_N = analysis.caps, _cap_loads_N(analysis)
+    caps, hill_N = analysis.caps, hill_loads_N(analysis)
+    load_N = np.nan_to_num(caps.load_N) if hill_N is None else hill_N
     loaded = (load_N > 0) & caps.usable
     merit = np.where(loaded, load_N, -np.inf) if loaded.any() else caps.peak_height_m
     i = int(np.argmax(np.where(caps.usable, merit, -np.inf)))
-    what = "most loaded" if loaded.any() else "highest"
-    title = f"Cap {i + 1}, the {what}: section along x through its apex"
+    most = "most loaded" if hill_N is None else "most loaded hill"
+    title = (
+        f"Cap {i + 1}, the {most if loaded.any() else 'highest'}: section along x through its apex"
+    )
     flags = CapFlag(int(caps.flags[i])).words().replace(" ", ", ").replace("_", " ")
     return i, title + (f"\ndoubtful: {flags}" if flags else "")
-
-
-def _cap_loads_N(analysis: "Analysis") -> np.ndarray:
-    """Return the load of each cap; of a map that was pressed, what its hill carries."""
-    contact, caps = analysis.contact, analysis.caps
-    if contact is None or contact.rung.made_from != "map":
-        return np.nan_to_num(caps.load_N)
-    curve: Any = contact.normal
-    pressed, label = curve.pressed(contact.preload_N), analysis.hills.label
-    pixel_N = pressed.pressure_Pa.ravel() * np.prod(pressed.pixel_size_m)
-    return np.bincount(label.ravel(), pixel_N, minlength=len(caps) + 1)[1 : len(caps) + 1]
 
 
 def _contacts(analysis: "Analysis") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

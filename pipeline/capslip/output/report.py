@@ -30,6 +30,7 @@ from capslip.output.thumbnail import thumbnail
 from capslip.output.view import read_view
 from capslip.output.viewer import CELLS, viewer_block
 from capslip.output.whatif import whatif_data
+from capslip.output.zones import hill_loads_N
 from capslip.result import JointOfScans
 from capslip.surface.doubts import points_line
 from capslip.units import percent
@@ -155,7 +156,7 @@ def write_report(
         whatif=panel and json.dumps(panel, allow_nan=False).replace("<", "\\u003c"),
         whatif_script=_part("whatif.js"),
         of_caps=bool(panel and panel["of_caps"]),
-        caps=None if scans else _cap_rows(analysis.caps),
+        caps=None if scans else _cap_rows(analysis.caps, hill_loads_N(analysis)),
         scans=_scan_rows(scans, summary),
         tables=_tables(summary, None if scans else _changed(analysis)),
         methods=methods_paragraph(summary, analysis.settings),
@@ -346,10 +347,17 @@ def _scan_rows(scans: "tuple[Analysis, ...]", summary: dict[str, Any]) -> list[d
     return rows
 
 
-def _cap_rows(caps: "CapTable") -> dict[str, Any]:
-    """Rows of the table of caps, the most loaded first, then the highest."""
-    load_N = np.where(np.isfinite(caps.load_N), caps.load_N, -1.0)
-    order = np.lexsort((-caps.peak_height_m, -load_N))[:MAX_ROWS]
+def _cap_rows(caps: "CapTable", hill_N: np.ndarray | None = None) -> dict[str, Any]:
+    """Rows of the table of caps, the most loaded first, then the highest.
+
+    Where a map was pressed no cap bears anything: the load is what their hills bear of it.
+    """
+    load_N = caps.load_N if hill_N is None else hill_N
+    known = np.isfinite(load_N)
+    order = np.lexsort((-caps.peak_height_m, -np.where(known, load_N, -1.0)))[:MAX_ROWS]
+    by = "by height: nothing was pressed"
+    if known.any():
+        by = "by load" if hill_N is None else "by what their hills bear of the pressed map"
     groups = [  # columns of one unit
         ("m", {"x": caps.x_m, "y": caps.y_m}),
         (
@@ -362,9 +370,10 @@ def _cap_rows(caps: "CapTable") -> dict[str, Any]:
         ),
         ("m", {"D": caps.diameter_m}),
         ("m", {"R": caps.radius_m}),
-        ("N", {"load": caps.load_N}),
-        ("m", {"contact radius": caps.contact_radius_m}),
+        ("N", {"load" if hill_N is None else "load on the hill": load_N}),
     ]
+    if hill_N is None:
+        groups.append(("m", {"contact radius": caps.contact_radius_m}))
     heads, cells = ["cap", "family"], [[str(i + 1) for i in order], list(caps.family[order])]
     for unit, columns in groups:
         values, unit = scaled(np.array(list(columns.values()))[:, order], unit)
@@ -374,7 +383,8 @@ def _cap_rows(caps: "CapTable") -> dict[str, Any]:
         ]
     cells.append(list(caps.columns()["flags"][order]))
     rows = [list(row) for row in zip(*cells, strict=True)]
-    return {"heads": heads, "rows": rows, "total": len(caps), "more": len(caps) - len(rows)}
+    total = {"total": len(caps), "more": len(caps) - len(rows)}
+    return {"heads": heads, "rows": rows, "by": by, **total}
 
 
 def _tables(

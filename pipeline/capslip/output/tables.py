@@ -14,7 +14,7 @@ from capslip.output.arrays import UNITS, Tables, table_of
 from capslip.output.datasets import write_attribute, write_dataset
 from capslip.output.staging import SUMMARY, summary_text
 from capslip.output.thumbnail import thumbnail
-from capslip.output.zones import write_zones, zones_of
+from capslip.output.zones import hill_loads_N, write_zones, zones_of
 
 if TYPE_CHECKING:
     from capslip.result import Analysis
@@ -93,6 +93,9 @@ def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
             group = h5g.create(file.id, stage.encode())
             for name in table.dtype.names or ():
                 write_dataset(group, name, table[name], UNITS[name])
+        hill_N = hill_loads_N(analysis)
+        if hill_N is not None:
+            write_dataset(of_hills, "load_N", hill_N, "N")
         if analysis.contact is not None:
             zones = zones_of(analysis, normal["load_N"], normal["approach_m"])
             if zones is not None:

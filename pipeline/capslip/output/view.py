@@ -55,6 +55,7 @@ class View:
     cap: np.ndarray  # (n,), row in caps.csv, from 0
     columns: dict[str, np.ndarray]  # of the caps, each of shape (n,)
     zones: Zones | None
+    hill_N: np.ndarray | None  # (n,), what their hills bear of a map that was pressed
     pixel_m: np.ndarray  # (p, 3), where the contact pixels of a map are
 
     @property
@@ -136,8 +137,15 @@ class View:
 
     @property
     def cap_load_N(self) -> np.ndarray:
-        """Load of the contacts on each cap, shape (n,); zero where none touches."""
+        """Load of each cap, (n,), or what its hill bears of a pressed map; zero where none is."""
+        if self.hill_N is not None:
+            return self.hill_N
         return self._of_contacts(None if self.zones is None else self.zones.contact_load_N)
+
+    @property
+    def load_name(self) -> str:
+        """What the load of a cap is called."""
+        return "load" if self.hill_N is None else "load on the hill"
 
     @property
     def cap_loss_share(self) -> np.ndarray:
@@ -198,7 +206,8 @@ def colouring(view: View, by: str) -> Colouring:
         return Colouring(f"radius R [{unit}]", value, limits=round_limits(value))
     if by == "load":
         value, unit = scaled(view.cap_load_N, "N")
-        return Colouring(f"load [{unit}]", value, limits=round_limits(np.append(value, 0.0)))
+        title = f"{view.load_name} [{unit}]"
+        return Colouring(title, value, limits=round_limits(np.append(value, 0.0)))
     if by == "loss":
         value = 100.0 * view.cap_loss_share
         return Colouring("share of the loss [%]", value, limits=round_limits(np.append(value, 0.0)))
@@ -239,7 +248,7 @@ def cap_lines(view: View, i: int, load_share: float, force_share: float) -> list
     ]
     if load_N > 0.0:
         share = f"{100.0 * view.cap_loss_share[i]:.2g} % of the loss"
-        lines.append(f"load {engineering(load_N, 'N')}, {share}")
+        lines.append(f"{view.load_name} {engineering(load_N, 'N')}, {share}")
     contact_m = view.columns["contact_radius_m"][i]
     if np.isfinite(contact_m) and contact_m > 0.0:
         lines.append(f"contact radius {engineering(contact_m, 'm')}")
@@ -252,8 +261,8 @@ def _doing(view: View, i: int, load_share: float, force_share: float) -> str:
     if view.zones is None:
         return "contacts not known"
     words = zone_at(view.zones, load_share, force_share).word[view.zones.cap == view.cap[i]]
-    if not len(words):
-        return "touches nowhere"
+    if not len(words):  # a contact is of the hill under its greatest pressure
+        return "no contact of its own" if view.cap_load_N[i] > 0.0 else "touches nowhere"
     count = {word: int((words == word).sum()) for word in dict.fromkeys(words)}
     if len(words) == 1:
         return f"in the state shown: {words[0]}"
@@ -385,6 +394,7 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
     text = ("family", "flags")
     columns = {n: (caps[n].asstr() if n in text else caps[n])[:][usable] for n in CAP_COLUMNS}
     columns["contact_radius_m"] = caps["contact_radius_m"][:][usable]
+    hill = file["hills"].get("load_N") if "hills" in file else None
     return View(
         path=path,
         summary=_summary_beside(path) if summary is None else summary,
@@ -398,6 +408,7 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
         cap=usable,
         columns=columns,
         zones=zones,
+        hill_N=None if hill is None else hill[:][usable],
         pixel_m=np.stack([(col + 0.5) * dx_m, (row + 0.5) * dy_m, pixel_z_m], axis=1),
     )
 

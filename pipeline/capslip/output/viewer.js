@@ -351,13 +351,13 @@ function tell(c) {
   const lines = [`cap ${caps.number[c]}${caps.family[c] ? `, family ${caps.family[c]}` : ""}`,
     `R = ${engineering(caps.R[c], "m", 4)}, D = ${engineering(caps.D[c], "m")}`,
     `peak ${engineering(caps.peak[c], "m")}, df ${engineering(caps.df[c], "m")}`];
-  if (caps.load[c] > 0) lines.push(`load ${engineering(caps.load[c], "N")}, ${Number((100 * caps.loss[c]).toPrecision(2))} % of the loss`);
+  if (caps.load[c] > 0) lines.push(`${data.load_name} ${engineering(caps.load[c], "N")}, ${Number((100 * caps.loss[c]).toPrecision(2))} % of the loss`);
   if (caps.a[c] > 0) lines.push(`contact radius ${engineering(caps.a[c], "m")}`);
   if (zones) {
     const zone = zoneAt(state.load, state.force), found = {};
     for (let k = 0; k < zones.count; k++) if (zones.cap[k] === c) found[word(zone, k)] = 1 + (found[word(zone, k)] || 0);
     const words = Object.entries(found);
-    lines.push(!words.length ? "touches nowhere" : words.length === 1 && words[0][1] === 1 ? `in the state shown: ${words[0][0]}` : `contacts on it: ${words.map(([w, n]) => `${n} ${w}`).join(", ")}`);
+    lines.push(!words.length ? (caps.load[c] > 0 ? "no contact of its own" : "touches nowhere") : words.length === 1 && words[0][1] === 1 ? `in the state shown: ${words[0][0]}` : `contacts on it: ${words.map(([w, n]) => `${n} ${w}`).join(", ")}`);
   }
   lines.push(caps.flags[c] || "no flags");
   row.textContent = lines.join("\n");

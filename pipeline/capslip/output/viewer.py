@@ -145,6 +145,7 @@ def viewer_data(view: View, look: Look | None = None) -> dict[str, Any]:
         "profiles": _profiles(view, shown),
         "stick": STICK,
         "slip": SLIP,
+        "load_name": view.load_name,
         "preload_N": None if view.zones is None else float(view.zones.load_N[-1]),
         "first": {
             "colour": look.colour,

@@ -7,6 +7,7 @@ contact regions of a map it is that of the loads that were solved below the prel
 between them.
 """
 
+import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -136,6 +137,21 @@ def loss_shares(zones: Zones, force_share: float) -> np.ndarray:
     loss = loss_of_asperity(coefficient, closing_m, x_m)
     total = float(loss.sum())
     return loss / total if total > 0.0 else np.zeros(len(zones))
+
+
+def hill_loads_N(analysis: "Analysis") -> np.ndarray | None:
+    """Return what the hill of each cap bears of a map that was pressed; None where none was.
+
+    A contact may reach over several hills: each bears the pressure on its own points, and what lies
+    beside all hills is nobody's.
+    """
+    contact = analysis.contact
+    if contact is None or contact.rung.made_from != "map":
+        return None
+    curve: Any = contact.normal
+    pressed, n = curve.pressed(contact.preload_N), len(analysis.caps)
+    pixel_N = pressed.pressure_Pa.ravel() * math.prod(pressed.pixel_size_m)
+    return np.bincount(analysis.hills.label.ravel(), pixel_N, minlength=n + 1)[1 : n + 1]
 
 
 def zones_of(analysis: "Analysis", load_N: np.ndarray, approach_m: np.ndarray) -> Zones | None:
