@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from capslip.caps.doubts import leaves_peaks, problems_of_bow, problems_of_families
+from capslip.caps.doubts import leaves_peaks, plane_of, problems_of_bow, problems_of_families
 from capslip.contact.bulk import problems_of_outline
 from capslip.contact.doubts import (
     contact_doubts,
@@ -201,7 +201,8 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
     problems += problems_of_structure(found.settings.structure)
     problems += problems_of_settings(found.settings, scanned=True, mated=mate is not None)
     problems += [*face.conditioned.problems, *face.problems]
-    return problems + problems_of_families(face.family_caps, face.families)
+    on = plane_of(face.family_caps, face.caps)
+    return problems + problems_of_families(face.family_caps, face.families, on)
 
 
 def _of_reader(scan: HeightMap) -> list[Problem]:

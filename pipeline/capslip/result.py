@@ -202,7 +202,7 @@ class Analysis(JointResult):
         rows = {
             "verdict": self.verdict,
             "caps": int(self.caps.usable.sum()),
-            "G-caps, P-caps": f"{self.families.m}, {self.families.n}",
+            "m, n on the families' own plane": f"{self.families.m}, {self.families.n}",
             "contact model": self.contact.model if self.contact else None,
             "preload [N]": float(self.joint.preload_N),
             "tangential stiffness [N/m]": slip["tangential_stiffness_N_per_m"],

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.caps.below import caps_below_cut, family_below_cut, with_families
-from capslip.caps.doubts import problems_of_caps
+from capslip.caps.doubts import plane_of, problems_of_caps
 from capslip.caps.families import Families, FamilySurface, group_families, surface_of_families
 from capslip.caps.fit import fit_caps, fit_spheres
 from capslip.caps.fitting import fit_named
@@ -163,7 +163,8 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
     with clock("doubts"):
         below = _below_cut(plane, families, ratio, settings, own_plane=True)
         problems += below or caps_below_cut(caps, families, ratio)
-        problems += problems_of_caps(plane, hills, family_caps, ratio)
+        on = plane_of(family_caps, caps)
+        problems += problems_of_caps(plane, hills, family_caps, ratio, on)
     found = (level.hills, caps, families, level.hills.label, family_caps)
     return Face(joint, conditioned, level, *found, tuple(problems))
 

@@ -11,6 +11,7 @@ from capslip.caps import doubts
 from capslip.caps.doubts import (
     bow_of_peaks,
     leaves_peaks,
+    plane_of,
     problems_of_bow,
     problems_of_caps,
     problems_of_families,
@@ -19,7 +20,8 @@ from capslip.caps.doubts import (
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import NOISE_FACTOR, find_hills
-from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
+from capslip.caps.pruning import TOO_SMALL
+from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.seams import Seams, find_seams
 from scenes import caps_map
@@ -101,6 +103,30 @@ def test_few_peaks_lie_on_any_bow(n):
     rng = np.random.default_rng(n)
     caps = caps_at(rng.uniform(size=n), rng.uniform(size=n), rng.uniform(size=n))
     assert problems_of_bow(group_families(caps)[0], APPROACH_M) == []
+
+
+def test_counts_of_caps_name_their_plane_where_the_pressed_one_has_another_number():
+    surface = caps_map(SIX)
+    hills = replace(find_hills(surface), rejected={TOO_SMALL: 4})
+    caps = fit_caps(surface, hills, "equation18")
+    counted = caps.with_columns(flags=np.full(len(caps), CapFlag.ridge, np.uint16))
+    fewer = caps.with_columns(flags=np.where(np.arange(6) < 5, 0, UNUSABLE).astype(np.uint16))
+    assert (counted.usable.sum(), fewer.usable.sum()) == (6, 5)
+    assert plane_of(counted, counted) == ""
+    on = plane_of(counted, fewer)
+    of = {
+        one.code: one.message
+        for one in (
+            *problems_of_caps(surface, hills, counted, 0.1, on),
+            *problems_of_families(counted, group_families(counted, count=1)[1], on),
+        )
+    }
+    assert of["caps_ridge"] == "6 of 6 caps on the families' own plane are ridges rather than caps"
+    assert "4 of 10 hills on the families' own plane that stand clear" in of["hills_too_small"]
+    assert "the peak heights of 6 caps on the families' own plane show one" in of["one_family"]
+    assert not any(
+        "own plane" in one.message for one in problems_of_caps(surface, hills, caps, 0.1)
+    )
 
 
 SIX = [(x, y, 25.0, 0.0) for x in (5e-3, 14e-3, 23e-3) for y in (5e-3, 14e-3)]

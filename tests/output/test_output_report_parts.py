@@ -59,6 +59,7 @@ SUMMARY = {
         "amplitude_at_first_peak_m": None,
         "gross_slip_amplitude_m": 6e-6,
     },
+    "hills": None,
     "scans": None,
     "assumed": [{"setting": "slip.normal_amplitude_ratio"}],
 }
@@ -93,6 +94,12 @@ def test_the_headlines():
          ("caps of the one family", "7", "on its own plane; no gap h between their peaks")),
         (0, {"families": {"m": 0, "n": 0}}, ("G-caps m, P-caps n", "0, 0",
                                              "families by peak height")),
+        (0, {"hills": {"caps": 13}}, ("G-caps m, P-caps n", "4, 9", "families by peak height")),
+        (0, {"hills": {"caps": 12}}, ("G-caps m, P-caps n", "4, 9", "families by peak height, on "
+                                      "their own plane; on the pressed plane 12")),
+        (0, {"hills": {"caps": 12}, "families": {"m": 7, "n": 0, "h_m": None}},
+         ("caps of the one family", "7",
+          "on its own plane; on the pressed plane 12; no gap h between their peaks")),
         (2, {"contact": {"first_loading_approach_m": 9e-7,
                          "first_loading_approach_without_bulk_m": 7e-7}},
          ("approach on first loading", "700 nm", "without bulk; 900 nm with it; recovers 300 nm")),
@@ -276,8 +283,12 @@ def test_the_tables_of_a_face(several):
         "9, 7 of them with a sphere",
         "3 too few points, 2 no sphere",
     )
-    assert hills["G-caps"] == "3: mean R 12 m, D 500 µm, df 200 nm, peak height 700 nm"
-    assert hills["P-caps"] == "none"
+    of_one = "3: mean R 12 m, D 500 µm, df 200 nm, peak height 700 nm"
+    assert hills["caps of the one family, on its own plane"] == of_one
+    assert not any("G-caps" in label or "P-caps" in label for label in hills)
+    summary["families"] |= {"m": 3, "n": 4, "P": summary["families"]["G"]}
+    both = dict(dict(report._tables(summary))["Hills and families"])
+    assert (both["G-caps"], both["P-caps"]) == (of_one, of_one)  # 7 caps on either plane
     assert tables["Time"] == {"read": "250 ms", "hills": "3 s"}
     assert tables["Provenance"]["settings sha256"] == several.settings.sha256()
     assert tables["Provenance"]["command"] == DASH

@@ -33,8 +33,17 @@ MEANING = {  # of the flags of caps that hills can have
 }
 
 
+def plane_of(counted: CapTable, pressed: CapTable) -> str:
+    """Name the plane of caps that were counted beside those that are pressed, where it shows.
+
+    Tables and pictures hold the latter: another number of caps without a word looks like an error.
+    """
+    alike = np.count_nonzero(counted.usable) == np.count_nonzero(pressed.usable)
+    return "" if alike else " on the families' own plane"
+
+
 def problems_of_caps(
-    surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
+    surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float, on: str = ""
 ) -> list[Problem]:
     """Return what makes the hills of a face, or their caps, doubtful, and holes that may hide some.
 
@@ -48,8 +57,10 @@ def problems_of_caps(
         Their caps.
     material_ratio : float
         Share of the measured points that was to be kept.
+    on : str
+        Names the plane of these caps: see `plane_of`.
     """
-    found = _pruning(hills)
+    found = _pruning(hills, on)
     if not caps.usable.any():
         message = (
             f"no usable cap: {hills.n_regions} regions above the cut, rejected "
@@ -58,23 +69,24 @@ def problems_of_caps(
         return [*found, Problem("no_caps", "warning", message)]
     return [
         *found,
-        *_too_small(hills, caps),
+        *_too_small(hills, caps, on),
         *_hills_that_run_together(hills, caps),
         *_cut(surface, hills, caps, material_ratio),
-        *_flagged(caps),
+        *_flagged(caps, on),
         *_not_spherical(caps),
         *problems_of_holes(surface, 0.5 * float(np.median(caps.diameter_m[caps.usable]))),
     ]
 
 
-def problems_of_families(caps: CapTable, families: Families) -> list[Problem]:
+def problems_of_families(caps: CapTable, families: Families, on: str = "") -> list[Problem]:
     """Return what makes the families of the caps doubtful."""
     found: list[Problem] = []
     if not caps.usable.any():
         return found
     if families.count == 1:
         message = (
-            f"the peak heights of {families.m} caps show one family: no P-caps, h is not defined"
+            f"the peak heights of {families.m} caps{on} show one family: no P-caps, h is not "
+            "defined"
         )
         found.append(Problem("one_family", "info", message))
     if len(families.levels) > 2:
@@ -89,8 +101,8 @@ def problems_of_families(caps: CapTable, families: Families) -> list[Problem]:
         odds = math.exp(min(families.log_odds or 0.0, 50.0))
         width = "" if apart is None else f"; the best split in two is {apart:.1f} spreads wide"
         message = (
-            f"{families.m + families.n} caps do not settle how many families there are: the odds "
-            f"of {len(families.levels)} are {odds:.2g} to 1{width}; "
+            f"{families.m + families.n} caps{on} do not settle how many families there are: the "
+            f"odds of {len(families.levels)} are {odds:.2g} to 1{width}; "
             "m, n and h are worth little"
         )
         found.append(Problem("families_doubtful", "warning", message))
@@ -186,25 +198,26 @@ def _bow_and_chance(
     return bow_m, float(fdtrc(3, n_free, (gain_m2 / 3.0) / (rest_m2 / n_free)))
 
 
-def _pruning(hills: Hills) -> list[Problem]:
+def _pruning(hills: Hills, on: str = "") -> list[Problem]:
     if hills.pruning_sensitivity < 0.2:
         return []
     message = (
-        f"{hills.n_hills} hills; half the pruning height of {hills.pruning_height_m:.3g} m "
+        f"{hills.n_hills} hills{on}; half the pruning height of {hills.pruning_height_m:.3g} m "
         f"gives {hills.n_hills_half_pruning}, double {hills.n_hills_double_pruning}: the "
         "count depends on the pruning; set hills.pruning_height_m or use an S-filter"
     )
     return [Problem("pruning_decides", "warning", message)]
 
 
-def _too_small(hills: Hills, caps: CapTable) -> list[Problem]:
+def _too_small(hills: Hills, caps: CapTable, on: str = "") -> list[Problem]:
     """Return how many hills stand clear of the noise, on too few points to be counted."""
     n_lost, n_usable = hills.rejected.get(TOO_SMALL, 0), int(caps.usable.sum())
     if n_lost == 0:
         return []
     message = (
-        f"{n_lost} of {n_lost + hills.n_hills} hills that stand clear above the cut have fewer "
-        f"than {MIN_POINTS} points, and are not counted: m and n may be too low; a finer scan tells"
+        f"{n_lost} of {n_lost + hills.n_hills} hills{on} that stand clear above the cut have "
+        f"fewer than {MIN_POINTS} points, and are not counted: m and n may be too low; a finer "
+        "scan tells"
     )
     many = n_lost > MANY_LOST * n_usable
     return [Problem("hills_too_small", "warning" if many else "info", message)]
@@ -251,14 +264,14 @@ def _cut(surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
     return found
 
 
-def _flagged(caps: CapTable) -> list[Problem]:
+def _flagged(caps: CapTable, on: str = "") -> list[Problem]:
     found, n_usable = [], int(caps.usable.sum())
     for flag, meaning in MEANING.items():
         n_flagged = int((caps.usable & ((caps.flags & flag) != 0)).sum())
         if n_flagged:
             many = n_flagged / n_usable > 0.2 or flag is CapFlag.plateau
             many &= flag not in DOUBTFUL  # of which the load on them is asked
-            message = f"{n_flagged} of {n_usable} caps {meaning}"
+            message = f"{n_flagged} of {n_usable} caps{on} {meaning}"
             found.append(Problem(f"caps_{flag.name}", "warning" if many else "info", message))
     return found
 

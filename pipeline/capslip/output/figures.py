@@ -68,7 +68,8 @@ FIGURES = {
         "grey: no family. A circle has the family of the hill that it stands on; m and n count "
         "the caps on the families' own plane, which may be more or fewer.",
         "Good: one circle a hill, about as large as it; no hill without one, none across two.",
-        "Map of {hills} hills with the base circles of {caps} caps: {m} G-caps, {n} P-caps.",
+        "Map of {hills} hills with the base circles of {caps} caps; on the families' own plane "
+        "m {m}, n {n}.",
     ),
     "cap_profile": Entry(
         figures_surface.cap_profile,

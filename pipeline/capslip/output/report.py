@@ -68,6 +68,7 @@ MICRO = re.compile(r"(?<=\d )u(?=[mNJ]\b)")  # as the terminal writes it
 UNIT = re.compile(r"(?<=\d) (?=(?:[fpnµmkMGT]?(?:N/m|[mNJs]|Pa|Hz)|[cmµ]?m²|%)(?![\w/]))")
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
+OWN, OTHERS = ", on their own plane", "; on the pressed plane {caps}"
 IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
 ISO25178: tuple[Fact, ...] = (
     *(
@@ -214,14 +215,15 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     if damping["first_peak_loss_factor"] is not None:
         peak += "; a first maximum of {first_peak_loss_factor} at {amplitude_at_first_peak_m}"
     uneven = UNEVEN if contact["pressure_classes"] > 1 else ""
+    of, on_map = summary["families"], (summary["hills"] or {}).get("caps")
+    others = "" if on_map in (None, (of["m"] or 0) + (of["n"] or 0)) else OTHERS
     families: tuple[tuple[Fact, str], ...] = (
-        (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
+        (("G-caps m, P-caps n", "{m}, {n}"), f"families by peak height{others and OWN + others}"),
         ("h_m", "G-peaks above P-peaks"),
     )
-    if summary["families"]["n"] == 0 and summary["families"]["m"]:
-        families = (
-            (("caps of the one family", "{m}"), "on its own plane; no gap h between their peaks"),
-        )
+    if of["n"] == 0 and of["m"]:
+        note = f"on its own plane{others}; no gap h between their peaks"
+        families = ((("caps of the one family", "{m}"), note),)
     numbers: tuple[tuple[Fact, str], ...] = (
         *families,
         approach_fact(contact),
@@ -454,6 +456,13 @@ def _groups_of_face(
         each = (("Sq of each face", both),)
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["hills"]["rejected"].items())
     family = {name: FAMILY.format(name) if families[name] else "none" for name in "GP"}
+    own = "" if (families["m"] or 0) + (families["n"] or 0) == summary["hills"]["caps"] else OWN
+    of_families: tuple[Fact, ...] = (
+        (f"G-caps{own}", family["G"]),
+        (f"P-caps{own}", family["P"]),
+    )
+    if families["G"] and not families["P"]:
+        of_families = ((f"caps of the one family{own.replace('their', 'its')}", family["G"]),)
     return {
         "Height map": (
             *_files(surface, mating),
@@ -479,7 +488,6 @@ def _groups_of_face(
             "largest_region_share",
             ("hills", "{hills}, {caps} of them with a sphere"),
             ("rejected", rejected.replace("_", " ") or "none"),
-            ("G-caps", family["G"]),
-            ("P-caps", family["P"]),
+            *of_families,
         ),
     }

@@ -21,6 +21,7 @@ HILLS = (
     "region {largest_region_share:.0f %}"
 )
 FAMILIES = "families   m {m}, n {n}, h {h_m}"
+OWN_PLANE = ", counted on their own plane"  # where the pressed one has another number of caps
 ONE_FAMILY = "families   one, of {m} caps on its own plane"  # neither the higher nor the lower
 FAMILY = "  {1:9}R {{radius_{0}_m:4}}"
 OF_HILLS = ", D {{diameter_{0}_m}}, df {{height_{0}_m}}"  # which families that are given have not
@@ -57,7 +58,9 @@ def result_lines(analysis: JointResult) -> str:
     of = summary["families"]
     one = of["G"] is not None and of["P"] is None
     of_scan = isinstance(analysis, Analysis)
-    texts = [*([HILLS] if of_scan else []), ONE_FAMILY if one else FAMILIES]
+    on_own = of_scan and (of["m"] or 0) + (of["n"] or 0) != summary["hills"]["caps"]
+    families = FAMILIES + (OWN_PLANE if on_own else "")
+    texts = [*([HILLS] if of_scan else []), ONE_FAMILY if one else families]
     if isinstance(analysis, JointOfScans):
         texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]
     family = FAMILY + OF_HILLS if of_scan else FAMILY
