@@ -9,7 +9,10 @@ import pytest
 
 from capslip import doubts
 from capslip.contact.rung import ModelError
+from capslip.problems import Problem
 from capslip.settings import Settings, load_settings
+from capslip.surface.doubts import problems_of_tilt
+from capslip.surface.flatness import bow_left, problems_of_flatness
 from capslip.surface.heightmap import HeightMap
 from scenes import PROJECT
 
@@ -109,6 +112,26 @@ def test_a_bow_of_the_instrument_is_twice_in_the_sum_of_two_scans():
     assert doubts.known_flatness_m(both, none) is None
     off = load_settings(overrides=(f"{FLATNESS}=2e-7", "conditioning.form=quadratic"))
     assert doubts.known_flatness_m(PRESSED, off) is None  # the form took it off
+
+
+@pytest.mark.parametrize("first_m", [None, 1.51e-6])
+def test_problems_of_a_face_that_yielded_name_what_it_recovers(first_m):
+    tilted = HeightMap(np.arange(12.0).reshape(3, 4) * 1e-6, (1e-4, 1e-4))
+    problems = [
+        bow_left("the peaks lie on a bow", 5.15e-6, 4.99e-7),
+        *problems_of_flatness(1e-6, 4.99e-7),
+        *problems_of_tilt(tilted, 4.99e-7),
+        Problem("waves_longer_than_scan", "warning", "out of its spectrum, 20% of the approach: x"),
+    ]
+    elastic = SimpleNamespace(approach_m=4.99e-7, first_loading_approach_m=4.99e-7)
+    assert len(problems) == 4
+    assert doubts._naming_recovery(problems, elastic) == problems
+    assert all("the approach" in one.message for one in problems)
+    yielded = SimpleNamespace(approach_m=4.99e-7, first_loading_approach_m=first_m)
+    said = [one.message for one in doubts._naming_recovery(problems, yielded)]
+    assert all("the approach" not in one for one in said)
+    assert all("the recovery on unloading is 4.99e-07 m" in one for one in said[:3])
+    assert said[3] == "out of its spectrum, 20% of the recovery on unloading: x"
 
 
 def test_what_lies_outside_is_compared_with_half_the_usual_diameter():

@@ -1,5 +1,6 @@
 """What makes the numbers of an analysis doubtful, collected in the order of the stages."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -63,6 +64,8 @@ OF_A_SCAN = (
     *("contact.alignment_stiffness_Nm_per_rad", "joint.non_measured"),
     *("contact.time_limit_s", "contact.solver_tolerance"),
 )
+# What messages compare with; of a face that yielded it is what that recovers
+APPROACH, RECOVERY = re.compile(r"\bthe approach(?= is |:)"), "the recovery on unloading"
 BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 
 
@@ -111,6 +114,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     ]
     caps = face.caps.with_columns(flags=doubtful.flags, contact_radius_m=doubtful.contact_radius_m)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
+    problems = _naming_recovery(problems, contact)
     problems = with_what_law_moves(_less_voids(problems, face, settings), found)
     problems = with_effects(problems, *pressed, contact, _share_asked(found))
     return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
@@ -178,6 +182,16 @@ def counted_by_patches(face: Face, found: Analysis) -> tuple[Problem, ...]:
     anew = [one for one in all_of if one.code in BY_PATCHES]
     others = [one for one in found.problems if one.code not in BY_PATCHES]
     return (*others, *with_next_steps(anew, joint, found.settings, pressed=contact.rung))
+
+
+def _naming_recovery(problems: list[Problem], contact: ContactState) -> list[Problem]:
+    """Return the problems of a face that yielded with its recovery named as such.
+
+    The approach of the first loading, which terminal and report give beside it, is far greater.
+    """
+    if contact.first_loading_approach_m == contact.approach_m:
+        return problems
+    return [replace(one, message=APPROACH.sub(RECOVERY, one.message)) for one in problems]
 
 
 def _less_voids(problems: list[Problem], face: Face, settings: Settings) -> list[Problem]:

@@ -325,6 +325,7 @@ def test_a_row_holds_the_numbers_of_the_summary(batch, tmp_path):
         "nominal_pressure_Pa": summary["contact"]["nominal_pressure_Pa"],
         "coverage": summary["contact"]["coverage"],
         "approach_m": summary["contact"]["approach_m"],
+        "first_loading_approach_m": summary["contact"]["first_loading_approach_m"],
         "contacts": summary["contact"]["contacts"],
         "tangential_stiffness_N_per_m": slip["tangential_stiffness_N_per_m"],
         "answer_force_N": answer["slip_force_N"],

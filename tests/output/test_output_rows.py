@@ -207,7 +207,8 @@ def test_the_terminal_says_of_a_face_that_yielded_what_of_its_approach_is_elasti
         ({}, "approach 500 nm (600 nm with bulk)"),
         (
             {"yielded_area_m2": 1e-6, "left_m": 2e-7},
-            "approach 700 nm (800 nm with bulk), recovers 500 nm (600 nm with bulk) on unloading",
+            "approach on first loading 700 nm (800 nm with bulk), "
+            "recovers 500 nm (600 nm with bulk) on unloading",
         ),
         ({"yielded_area_m2": 1e-6}, "recovers 500 nm (600 nm with bulk) on unloading"),
         ({"yielded_area_m2": 1e-6, "bulk_m": 7e-7}, "recovers 600 nm on unloading"),

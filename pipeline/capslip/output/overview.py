@@ -30,6 +30,7 @@ RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "nominal_pressure_Pa",
     "coverage",
     "approach_m",
+    "first_loading_approach_m",
     "contacts",
     "tangential_stiffness_N_per_m",
     "answer_force_N",

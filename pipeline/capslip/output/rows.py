@@ -129,7 +129,9 @@ QUANTITIES = {
     "model": Quantity("contact model", "", "contact.model"),
     "preload_N": Quantity("preload", "N", "contact.preload_N"),
     "scan_load_N": Quantity("load of the scan", "N", "contact.scan_load_N"),
-    "approach_m": Quantity("normal approach with bulk", "m", "contact.approach_m"),
+    "approach_m": Quantity(
+        "elastic approach, recovered on unloading, with bulk", "m", "contact.approach_m"
+    ),
     "approach_without_bulk_m": Quantity("normal approach", "m", "contact.approach_without_bulk_m"),
     "first_loading_approach_m": Quantity(
         "approach on first loading with bulk", "m", "contact.first_loading_approach_m"

@@ -112,7 +112,7 @@ def _approach(summary: dict[str, Any], of_scan: bool) -> str:
     if contact["first_loading_approach_m"] is None:
         return recovers
     first = approach.replace("{approach", "{first_loading_approach")
-    return f"approach {first}, {recovers}"
+    return f"approach on first loading {first}, {recovers}"
 
 
 def wrapped(text: str, width: int) -> str:
