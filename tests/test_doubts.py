@@ -171,6 +171,9 @@ def test_small_slip_is_doubted_where_pixels_leave_more_than_was_asked(
     slip = SimpleNamespace(total_slip_force_N=20.0)
     found = doubts._of_small_slip(contact, answer, slip, 0.05)
     assert [one.code for one in found] == ["small_slip_extrapolated"] * doubted
+    note = Problem("small_slip_extrapolated", "info", "the energy may be off by more than 5 %")
+    other = Problem("under_resolved", "info", "few pixels")
+    assert doubts._less_note([note, other, *found]) == [other, *found]  # one doubt, not two
     contact.errors = ModelError.of_either(0.3)  # at all forces, which its own warning says
     contact.rung.least_share = None
     assert doubts._of_small_slip(contact, answer, slip, 0.05) == []

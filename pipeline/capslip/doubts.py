@@ -66,6 +66,7 @@ OF_A_SCAN = (
 )
 # What messages compare with; of a face that yielded it is what that recovers
 APPROACH, RECOVERY = re.compile(r"\bthe approach(?= is |:)"), "the recovery on unloading"
+SMALL = "small_slip_extrapolated"
 BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 
 
@@ -110,8 +111,9 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
         *found.problems,
-        *_of_small_slip(contact, found.answer, found.slip, tolerance),
     ]
+    of_force = _of_small_slip(contact, found.answer, found.slip, tolerance)
+    problems = [*(_less_note(problems) if of_force else problems), *of_force]
     caps = face.caps.with_columns(flags=doubtful.flags, contact_radius_m=doubtful.contact_radius_m)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
     problems = _naming_recovery(problems, contact)
@@ -301,6 +303,11 @@ def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Pro
     return problems_of_form(surface, approach_m, coarse_step(surface))
 
 
+def _less_note(problems: list[Problem]) -> list[Problem]:
+    """Return the problems without the note on small slip, where that asked for has a doubt."""
+    return [one for one in problems if (one.code, one.severity) != (SMALL, "info")]
+
+
 def _of_small_slip(
     contact: ContactState, answer: Answer | None, slip: SlipCurve | None, tolerance: float
 ) -> list[Problem]:
@@ -317,20 +324,21 @@ def _of_small_slip(
     share = answer.slip_force_N / float(slip.total_slip_force_N)
     warned = {one.code for one in contact.problems if one.severity == "warning"}
     measured = any(one.code == "detail_decides" for one in contact.problems)
-    said = "small_slip_extrapolated" in warned
+    said = SMALL in warned
     asked = f"asked for is {percent(share)} of the force at gross slip"
     left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
     moved = share_of(left)
     falls = contact.errors is not None and contact.errors.energy_by_share
+    least_of = contact.rung.least_share
+    least = 0.0 if least_of is None else least_of(contact.normal, contact.preload_N)
     if falls and share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
         message = (
             f"{asked}, where pixels, noise and detail of the map leave up to {off_by(left)} in "
             "the energy per cycle"
         )
-        return [Problem("small_slip_extrapolated", "warning", message, Effect(None, moved, moved))]
-    if contact.rung.least_share is None:
-        return []
-    least = contact.rung.least_share(contact.normal, contact.preload_N)
+        if least > 0.0:
+            message += f"; below {percent(least)} of it less slips than the pixels resolve"
+        return [Problem(SMALL, "warning", message, Effect(None, moved, moved))]
     if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
     off = off_by(left) if left > UNRESOLVED else f"more than {percent(UNRESOLVED)}"
@@ -339,4 +347,4 @@ def _of_small_slip(
         f"energy per cycle may be off by {off}"
     )
     effect = Effect(None, moved, moved) if left > tolerance else None
-    return [Problem("small_slip_extrapolated", "warning", message, effect)]
+    return [Problem(SMALL, "warning", message, effect)]

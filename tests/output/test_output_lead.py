@@ -111,6 +111,8 @@ def test_a_structure_that_is_not_lightly_damped_has_no_loss_factor():
         ([1.1e-15, 9e-9], "energy 1.1 fJ to 9 nJ"),
         ([3e-9, None], "energy above 3 nJ, no upper bound"),
         ([None, None], "energy without a bound"),
+        ([0.0, None], "energy without a bound"),
+        ([0.0, 9e-9], "energy 0 J to 9 nJ"),  # less than a millionth of it
         (None, "energy without a bound"),
     ],
 )

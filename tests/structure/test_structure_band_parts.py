@@ -494,3 +494,18 @@ def test_an_interval_holds_the_number_that_was_answered():
     assert band._with(3.0, (1.0, 2.0)) == (1.0, 3.0)
     assert band._with(0.5, (1.0, 2.0)) == (0.5, 2.0)
     assert band._with(1.5, (1.0, np.inf)) == (1.0, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "expected"),
+    [
+        (1e-12, (1.8e-109, 4e-11), (0.0, 4e-11)),
+        (1e-12, (1.1e-18, 4e-11), (1.1e-18, 4e-11)),
+        (0.3, (4.31e-168, 1.27), (0.0, 1.27)),
+        (1e-12, (0.9e-18, np.inf), (0.0, np.inf)),
+        (0.0, (0.0, 0.0), (0.0, 0.0)),
+        (-0.61, (-0.9, -0.5), (-0.9, -0.5)),  # a shift of the frequency
+    ],
+)
+def test_an_end_that_nobody_knows_is_zero(value, interval, expected):
+    assert band._with(value, interval) == expected

@@ -153,7 +153,7 @@ def _range(
 
     A low one below the least that has a prefix is told as such.
     """
-    if low is None:
+    if low is None or (low == 0.0 and high is None):
         return "without a bound"
     text = end.format("low")
     if high is not None and least is not None and 0.0 < low < least[0] <= high:

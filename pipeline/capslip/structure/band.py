@@ -25,6 +25,7 @@ from capslip.structure.sobol import scrambled_sobol
 
 INSIDE = 0.90  # of what may be, in an interval
 LOG2_POINTS = 8
+UNKNOWN = 1e-6  # of the number that was answered: nobody knows an end below
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 # They move displacement and energy by factors
 OF_BOTH = ("caps", "model", "scans", "part_of_joint", "direction")
@@ -223,8 +224,13 @@ def _interval(name: str, values: np.ndarray) -> tuple[float, float]:
 
 
 def _with(value: float, interval: tuple[float, float]) -> tuple[float, float]:
-    """Return an interval that holds the number that was answered."""
-    return min(value, interval[0]), max(value, interval[1])
+    """Return an interval that holds the number that was answered.
+
+    Its lower end is zero where it would be less than a millionth of that: an error of so many
+    factors is that of a model, and the digits of such an end say nothing.
+    """
+    low = min(value, interval[0])
+    return 0.0 if 0.0 < low < UNKNOWN * value else low, max(value, interval[1])
 
 
 def _contributions(values: np.ndarray, normal: dict[str, np.ndarray]) -> dict[str, float]:
