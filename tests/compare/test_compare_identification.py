@@ -518,6 +518,21 @@ def test_what_the_model_does_not_resolve_is_left_out_of_the_fit(model, gross_m):
     assert not any("resolve" in one for one in of_all.remarks)
 
 
+def test_what_the_model_does_not_resolve_is_left_out_of_the_misfit(model, gross_m):
+    v_m = np.geomspace(0.01, 0.95, 25) * gross_m
+    known = of_pixels(model, 0.1)
+    from_m = known.resolved_from_m(MU, PRELOAD_N)
+    wrong = np.where(v_m < from_m, 3.0, 1.0)
+    measured = Measurement(v_m, model.loss_factor(v_m, MU, PRELOAD_N) * wrong)
+    found, n = compare(measured, known, MU, PRELOAD_N), int((v_m < from_m).sum())
+    assert 5 < n < 20
+    np.testing.assert_array_equal(found.left_out, v_m < from_m)
+    assert sum(band.points for band in found.bands) == 25 - n
+    assert all(band.bias_log_ratio in (None, pytest.approx(0, abs=1e-9)) for band in found.bands)
+    assert sum(f"{n} of 25 points lie below" in one for one in found.remarks) == 1
+    assert not compare(measured, model, MU, PRELOAD_N).left_out.any()
+
+
 def test_which_points_are_resolved_is_asked_of_what_is_found(model, gross_m):
     """Those given are wrong here, and leave out too few or too many."""
     v_m = np.geomspace(0.02, 0.6, 25) * gross_m

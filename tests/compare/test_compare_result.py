@@ -380,6 +380,21 @@ def test_points_without_a_misfit_are_hollow_in_the_picture(result, tmp_path):
             assert not any("left out" in one for one in drawn)
 
 
+def test_small_amplitudes_are_in_nanometres_and_named_as_those_of_a_sensor(result, tmp_path):
+    for text, unit, greatest in (
+        ("50,0.004\n90,.01\n", "nm", 90.0),
+        ("50,.004\n2e3,.01\n", "µm", 2.0),
+    ):
+        measured = write(tmp_path / "a.csv", "amplitude_nm,loss_factor\n" + text)
+        found = compare_result(result[0], measured)
+        axes = comparison(found).axes[0]
+        assert axes.get_xlabel() == f"amplitude at mid-span, as a sensor sees it [{unit}]"
+        drawn = {line.get_label(): line for line in axes.get_lines()}
+        assert drawn["measured, assembly"].get_xdata()[-1] == pytest.approx(greatest)
+        assert all(len(line.get_xdata()) for line in drawn.values())  # no entry without a curve
+        assert f"to {greatest:g} {unit.replace('µ', 'u')}, model" in lines(found)[0]
+
+
 def test_a_structure_that_nobody_gave_is_said(surface, tmp_path):
     measured = write(tmp_path / "a.csv", "amplitude_nm,loss_factor\n50,0.004\n100,0.006\n")
     stiff = ("structure.modal_stiffness_N_per_m=2e8", "structure.joint_stiffness_N_per_m=1e8")

@@ -13,6 +13,7 @@ from capslip.structure.stiffness import is_given, structure_name
 from capslip.units import readable
 
 N_CURVE = 160
+NANO_BELOW_m = 1e-7  # amplitudes that are all less are in nanometres
 BAND_NAMES = ("small", "middle", "great")
 
 
@@ -38,6 +39,7 @@ class Comparison:
     joint_loss_factor: np.ndarray  # what is left for the joints; NaN where it cannot be told
     joint_energy_J: np.ndarray  # W_assembly - W_monolithic of a cycle; NaN beyond gross slip, too
     model_loss_factor: np.ndarray  # of the joints; NaN beyond gross slip
+    resolved_from_m: float  # amplitude below which less slips than the model resolves
     friction_coefficient: float
     preload_N: float
     bands: tuple[Band, ...]
@@ -50,12 +52,19 @@ class Comparison:
     curve_identified: np.ndarray | None
 
     @property
+    def amplitude_unit(self) -> tuple[str, float]:
+        """Unit in which the amplitudes are written, and how many of it make a metre."""
+        return ("nm", 1e9) if self.amplitude_m[-1] < NANO_BELOW_m else ("um", 1e6)
+
+    @property
     def left_out(self) -> np.ndarray:
         """Points (n,) of which there is no misfit: no share of the joints, or no loss of the model.
 
-        The model gives none beyond gross slip, and may lose nothing below it.
+        The model gives none beyond gross slip, may lose nothing below it, and knows none where less
+        slips than the pixels of a map resolve.
         """
-        return ~(np.isfinite(self.joint_loss_factor) & (self.model_loss_factor > 0.0))
+        known = np.isfinite(self.joint_loss_factor) & (self.model_loss_factor > 0.0)
+        return ~(known & (self.amplitude_m >= self.resolved_from_m))
 
 
 def compare_result(
@@ -144,6 +153,13 @@ def compare(
         )
     if lossless := int((usable & (predicted == 0)).sum()):
         remarks.append(_on_lossless(lossless, int((usable & ~np.isnan(predicted)).sum())))
+    from_m = model.resolved_from_m(friction_coefficient, preload_N)
+    counted = v_m >= from_m
+    if unresolved := int((usable & ~counted).sum()):
+        remarks.append(
+            f"{unresolved} of {v_m.size} points lie below {readable(f'{from_m:.3g} m')}, where "
+            "less slips than the pixels of the map resolve: no misfit is given there"
+        )
     curve_m = np.geomspace(v_m[0], v_m[-1], N_CURVE) if v_m[0] < v_m[-1] else v_m[:1]
     identified, curve_identified = None, None
     if identify:
@@ -161,7 +177,8 @@ def compare(
         model_loss_factor=predicted,
         friction_coefficient=friction_coefficient,
         preload_N=preload_N,
-        bands=_bands(v_m, np.log(np.where(predicted > 0, predicted, np.nan) / joint)),
+        resolved_from_m=from_m,
+        bands=_bands(v_m, np.log(np.where(counted & (predicted > 0), predicted, np.nan) / joint)),
         identified=identified,
         remarks=tuple(remarks),
         curve_amplitude_m=curve_m,

@@ -2,23 +2,22 @@
 
 from typing import TYPE_CHECKING
 
-from capslip.output.canvas import ACCENT, FAMILY_COLOUR, INK, NON_MEASURED, blank
+from capslip.output.canvas import ACCENT, FAMILY_COLOUR, INK, NON_MEASURED, blank, write_decades
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from capslip.compare.comparison import Comparison
 
-UM = 1e6
-
 
 def comparison(found: "Comparison") -> "Figure":
     """Loss factor over amplitude: measured, plane and model, intrinsic loss added back."""
     figure, axes = blank("Loss factor: measured and computed", 9.0, 5.2)
-    v_um = UM * found.curve_amplitude_m
+    unit, per_m = found.amplitude_unit
+    v = per_m * found.curve_amplitude_m
     intrinsic = found.curve_intrinsic
     axes.loglog(
-        UM * found.amplitude_m,
+        per_m * found.amplitude_m,
         found.measured_loss_factor,
         "o",
         color=INK,
@@ -28,7 +27,7 @@ def comparison(found: "Comparison") -> "Figure":
     left_out = found.left_out
     if left_out.any():
         axes.loglog(
-            UM * found.amplitude_m[left_out],
+            per_m * found.amplitude_m[left_out],
             found.measured_loss_factor[left_out],
             "o",
             markerfacecolor="white",
@@ -40,20 +39,18 @@ def comparison(found: "Comparison") -> "Figure":
     added = "intrinsic + " if has_intrinsic else ""
     if has_intrinsic:
         axes.loglog(
-            v_um, intrinsic, color=NON_MEASURED, linewidth=3.0, label="intrinsic (monolithic beam)"
+            v, intrinsic, color=NON_MEASURED, linewidth=3.0, label="intrinsic (monolithic beam)"
         )
         axes.loglog(
-            v_um,
+            v,
             intrinsic + found.curve_plane,
             "--",
             color=FAMILY_COLOUR["P"],
             linewidth=1.5,
             label=f"{added}plane interface",
         )
-    else:
-        axes.plot([], [], "--", color=FAMILY_COLOUR["P"], label="plane interface: no loss")
     axes.loglog(
-        v_um,
+        v,
         intrinsic + found.curve_model,
         color=FAMILY_COLOUR["G"],
         linewidth=1.8,
@@ -61,7 +58,7 @@ def comparison(found: "Comparison") -> "Figure":
     )
     if found.identified is not None and found.curve_identified is not None:
         axes.loglog(
-            v_um,
+            v,
             intrinsic + found.curve_identified,
             "-.",
             color=ACCENT,
@@ -69,6 +66,8 @@ def comparison(found: "Comparison") -> "Figure":
             label=f"{added}model, identified: µ = {found.identified.friction_coefficient:.3g}, "
             f"N = {found.identified.preload_N:.4g} N",
         )
-    axes.set(xlabel="amplitude v at mid-span [µm]", ylabel="loss factor η")
+    write_decades(axes.xaxis)
+    of = f"amplitude at mid-span, as a sensor sees it [{unit.replace('u', 'µ')}]"
+    axes.set(xlabel=of, ylabel="loss factor η")
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.14), ncols=2, fontsize=9, frameon=False)
     return figure

@@ -30,6 +30,7 @@ def to_dict(found: Comparison) -> dict[str, Any]:
         "schema": SCHEMA,
         "friction_coefficient": found.friction_coefficient,
         "preload_N": found.preload_N,
+        "resolved_from_m": found.resolved_from_m,
         "points": {
             "amplitude_m": found.amplitude_m.tolist(),
             "measured_loss_factor": found.measured_loss_factor.tolist(),
@@ -85,16 +86,17 @@ def write_comparison(found: Comparison, folder: str | Path) -> None:
 
 def lines(found: Comparison) -> list[str]:
     """Return the comparison as lines of text for a terminal."""
-    um = 1e6
+    unit, per_m = found.amplitude_unit
+    least, greatest = (per_m * float(found.amplitude_m[i]) for i in (0, -1))
     text = [
-        f"compared   {found.amplitude_m.size} amplitudes from {found.amplitude_m[0] * um:.4g} to "
-        f"{found.amplitude_m[-1] * um:.4g} um, model with mu {found.friction_coefficient:g} and "
+        f"compared   {found.amplitude_m.size} amplitudes from {least:.4g} to {greatest:.4g} "
+        f"{unit}, model with mu {found.friction_coefficient:g} and "
         f"{engineering(found.preload_N, 'N', 5)}"
     ]
     for band in found.bands:
         head = (
-            f"misfit     {band.name:6} {band.least_amplitude_m * um:.4g} to "
-            f"{band.greatest_amplitude_m * um:.4g} um: "
+            f"misfit     {band.name:6} {band.least_amplitude_m * per_m:.4g} to "
+            f"{band.greatest_amplitude_m * per_m:.4g} {unit}: "
         )
         if band.rms_log_ratio is None or band.bias_log_ratio is None:
             text.append(f"{head}no points")

@@ -256,7 +256,7 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
     axes.set_xlim(least, 3 * gross_m / unit_m)
     write_decades(axes.xaxis)
-    axes.set(xlabel=f"amplitude v at mid-span [{unit}]", ylabel="loss factor η")
+    axes.set(xlabel=f"amplitude v at mid-span with rigid joints [{unit}]", ylabel="loss factor η")
     if (eta > 0.0).any():
         greatest = min(max(float(eta.max()), damping.peak_loss_factor), MOST_LOSS_FACTOR)
         axes.set_yscale("log")
