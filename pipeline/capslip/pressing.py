@@ -18,6 +18,7 @@ from capslip.contact.certificate import certify_cut
 from capslip.contact.choice import (
     Choice,
     boundary_elements_s,
+    caps_not_pressed,
     choose_model,
     estimate_error,
     map_for_auto,
@@ -178,6 +179,8 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
         if found.contact.model != settings.contact.model:
             reason = "the caps find no level; so the map itself is pressed, which finds its own"
             contact, doubts = _with_error(face, replace(contact, model_reason=reason), settings)
+            if face.caps.usable.any():
+                doubts = (caps_not_pressed("the caps find no level"), *doubts)
             contact = replace(contact, problems=(*contact.problems, *doubts))
         return contact, caps
     except ContactError as failure:

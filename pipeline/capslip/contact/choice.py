@@ -66,11 +66,7 @@ class Choice:
     def problem(self) -> Problem | None:
         """What makes a result of this choice doubtful."""
         if self.of_the_map:
-            message = (
-                f"{self.why}: m, n, R and h describe the caps as counted, and are neither the face "
-                "nor what was pressed"
-            )
-            return Problem("caps_not_pressed", "info", message)
+            return caps_not_pressed(self.why)
         effect = _effect(self.estimated_error)
         if self.levelling:
             return Problem("levelling_decides", "warning", self.reason, effect)
@@ -149,6 +145,15 @@ def choose_model(
         return replace(choice, reason=choice.reason + why, step=step)
     chosen = _of_the_map(one, choice.why, choice.estimates, len(caps))
     return replace(chosen, caps=choice)
+
+
+def caps_not_pressed(why: str) -> Problem:
+    """Return the note that the map was pressed in place of its caps."""
+    message = (
+        f"{why}: m, n, R and h describe the caps as counted, and are neither the face nor what was "
+        "pressed"
+    )
+    return Problem("caps_not_pressed", "info", message)
 
 
 def rung_of_the_map(surface: HeightMap, settings: Settings) -> Rung | None:
