@@ -166,10 +166,14 @@ def _tell_replaced(folder: Path, faces: "Iterable[HeightMap]", say: Progress) ->
 
 def _ending(printed: "JointResult", summary: dict[str, Any], folder: Path) -> str:
     """Say where all is; what was written may have told more than what was printed before."""
+    from capslip.verdict import reason_of
+
     lines = ["", f"results    {folder}", f"report     {folder / 'report.html'}"]
-    if (printed.verdict, printed.status) != (summary["verdict"], summary["status"]):
-        verdict = f"verdict    {summary['verdict']}".replace("µ", "u")
-        lines[1:1] = [verdict, f"status     {summary['status']}"]
+    if printed.status != summary["status"]:
+        lines.insert(1, f"status     {summary['status']}")
+    # Another warning of an export, which is told itself, is only counted there
+    if reason_of(printed.verdict) != reason_of(summary["verdict"]):
+        lines.insert(1, f"verdict    {summary['verdict']}".replace("µ", "u"))
     return "\n".join(lines)
 
 

@@ -1,5 +1,6 @@
 """What a result is worth for a joint: what nobody gave, and a sentence on what it is usable for."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -167,6 +168,15 @@ def verdict(
         f"{begin}usable for {use}, {accuracy}; the loss of a real joint is known to a factor of "
         f"two to three; next: {' '.join(steps)}"
     )
+
+
+def reason_of(text: str) -> str:
+    """Return a verdict without how many more problems there are.
+
+    >>> reason_of("usable with care: clipped (and 2 more); next: scan again")
+    'usable with care: clipped; next: scan again'
+    """
+    return re.sub(r" \(and \d+ more\)", "", text)
 
 
 def _left(warnings: list[Problem]) -> str:

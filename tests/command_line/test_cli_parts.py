@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capslip.cli import main
+from capslip.cli import _ending, main
 from capslip.console import Progress
 from capslip.errors import ScanError, SettingsError
 from capslip.options import settings_of
@@ -242,6 +242,27 @@ def analysed(tmp_path, monkeypatch):
 
 def where(folder):
     return f"\nresults    {folder}\nreport     {folder}/report.html\n"
+
+
+MANY = "usable with care: 1 is clipped (and {} more); next: scan again"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "status", "said"),
+    [
+        (MANY.format(1), MANY.format(3), "check", []),  # warnings of an export are told themselves
+        ("usable", MANY.format(1), "check", [f"verdict    {MANY.format(1)}"]),
+        ("usable", MANY.format(1), "ok",
+         [f"verdict    {MANY.format(1)}", "status     check"]),
+        (MANY.format(1), MANY.format(2), "ok", ["status     check"]),
+    ],
+)  # fmt: skip
+def test_a_verdict_is_said_again_where_what_was_written_gave_it_another_reason(
+    before, after, status, said
+):
+    printed = SimpleNamespace(verdict=before, status=status)
+    told = _ending(printed, {"verdict": after, "status": "check"}, Path("out"))
+    assert told.splitlines() == ["", *said, "results    out", "report     out/report.html"]
 
 
 SIZES = ("--unit", "um", "--lateral-unit", "um", "--pixel-size", "1", "2")

@@ -515,3 +515,14 @@ def test_a_legend_says_where_a_family_has_other_caps_than_are_drawn(several):
         words = [text.get_text() for text in legend.get_texts()]
         assert "G-caps (2; on its own plane 7)" in words
         assert "P-caps (3)" in words
+
+
+def test_the_line_of_what_neighbours_differ_by_is_named_and_not_hidden(several):
+    hills = replace(several.hills, noise_m=2e-9)
+    axes = FIGURES["texture"].draw(replace(several, hills=hills)).axes[1]
+    axes.figure.canvas.draw()
+    (line,) = (one for one in axes.get_lines() if "neighbours" in one.get_label())
+    assert line.get_label() == "neighbours differ as by noise of 2 nm"
+    box = axes.get_legend().get_window_extent()
+    y = axes.transData.transform((1.0, line.get_ydata()[0]))[1]
+    assert not box.y0 <= y <= box.y1

@@ -336,6 +336,11 @@ def test_the_cards_hold_the_curve(written, program):
     assert (p[0], d[0]) == (0.0, 0.0)
     assert (np.diff(p) > 0).all()
     assert (np.diff(d) > 0).all()
+    # One range: that of the table, which law.csv goes beyond
+    page = " ".join(line.removeprefix("**").strip() for line in lines if line.startswith("**"))
+    assert page.count("Holds: ") == page.count("keep to less") == 1
+    assert f"Holds: up to {p[-1]:.4g} Pa, where the table ends: keep to less." in page
+    assert "Keep to less" not in page
     for pressure, closure in zip(p[1::5], d[1::5], strict=True):
         slip = slip_at(analysis, pressure)
         assert closure == pytest.approx(slip.approach_m - slip.curve.touch_m, rel=1e-9)

@@ -386,6 +386,17 @@ def test_what_is_to_be_pasted_is_under_its_head(several, tmp_path):
     assert places == sorted(places)
 
 
+def test_the_paragraph_of_methods_gives_the_error_at_the_force_asked_for(several):
+    summary = several.summary()
+    summary["accuracy"]["estimated"] = 1.01
+    most = "to within 101 % from a tenth of gross slip on"
+    said = methods_paragraph(summary, several.settings, 0.083)
+    assert said.endswith(f"are estimated to within 8.3 % at the force asked for ({most}).")
+    for same in (None, 1.01):
+        said = methods_paragraph(summary, several.settings, same)
+        assert said.endswith(f"are estimated {most}.")
+
+
 def test_the_paper_of_the_solver_is_named_where_a_map_was_pressed_and_of_yield_where_it_yields():
     def found(model, hardness_Pa):
         return references({"contact": {"model": model, "hardness_Pa": hardness_Pa}})

@@ -153,7 +153,7 @@ def error_of_map(
     found += more
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
-            of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
+            of = f"noise of {noise_m:.2g} m" if noise_m else f"{ALLOWED}{counted_m:.2g} m"
             white = None if noise_m else counted_m
             less = _less_noise(of_noise / tolerance, taken, pixel_m, white, first.face.faces)
             found.append(_noisy(of, of_noise, of_pixels, tolerance, less))
@@ -209,6 +209,10 @@ def _pressed_again(
         left_s = solutions.left_s(load_N)
         changes = effect_of_pixels(first, unloading, tolerance, pressed.pressure_Pa, left_s)
     return detail, changes
+
+
+# It bounds the noise of the highest points, where that of all neighbours holds roughness as well
+ALLOWED = "as much white noise as differences from pixel to pixel allow, "
 
 
 def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> float:

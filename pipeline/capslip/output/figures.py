@@ -53,7 +53,9 @@ FIGURES = {
         "Left: areal material ratio curve of the map that is cut, with the cut. Right: one-sided "
         "power spectral density of its rows and columns; its integral over the frequency is their "
         "mean square height. Shaded: waves that the map does not carry, as they are longer than "
-        "the face, shorter than two pixels, filtered off, or weaker than the noise of the map.",
+        "the face, shorter than two pixels, filtered off, or weaker than the noise of the map. "
+        "Dotted: white noise by which neighbouring points would differ as those of the map do, "
+        "roughness of a few pixels included; `detail_decides` names what may be noise.",
         "Good: the cut left of the steep rise of the pits, and contacts between the shaded bands.",
         "Abbott curve with the cut at {cut_height_m}, and spectra: Sq {sq_m}, Ssk {Ssk}, waves "
         "carried from {shortest_wave_m} on.",

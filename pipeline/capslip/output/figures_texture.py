@@ -76,7 +76,8 @@ def spectrum(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
         ends += [per_mm[0], per_mm[-1]]
     if noise_m > 0.0:
         noise_m3 = 2.0 * noise_m**2 * min(surface.pixel_size_m)
-        label = f"noise of {engineering(noise_m, 'm')} a point"
+        # Of the whole map, roughness of a few pixels with it; what is noise of it no one scan tells
+        label = f"neighbours differ as by noise of {engineering(noise_m, 'm')}"
         axes.axhline(noise_m3 * UM3, color=INK, linewidth=1.0, linestyle=":", label=label)
     low, high = min(ends), max(ends)
     for left, right in ((low, 1e-3 / longest_m), (1e-3 / shortest_m, high)):
@@ -96,5 +97,5 @@ def spectrum(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     axes.set(xlim=(low, high), xlabel="spatial frequency [1/mm]", ylabel="density W [µm³]")
     write_decades(axes.xaxis)
     write_decades(axes.yaxis)
-    axes.legend(loc="lower left", fontsize=9, framealpha=0.9, edgecolor="none")
+    axes.legend(loc="upper right", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure

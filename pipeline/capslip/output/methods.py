@@ -59,8 +59,13 @@ STEPS: dict[str, Callable[[dict[str, Any]], str]] = {  # of conditioning; "" whe
 }
 
 
-def methods_paragraph(summary: dict[str, Any], settings: "Settings") -> str:
-    """Return what was done, with the numbers that make it repeatable."""
+def methods_paragraph(
+    summary: dict[str, Any], settings: "Settings", error_of_answer: float | None = None
+) -> str:
+    """Return what was done, with the numbers that make it repeatable.
+
+    With the error of the model at the force asked for, where that is known.
+    """
     surface, contact, slip = (summary[name] for name in ("surface", "contact", "slip"))
     version, sha = summary["provenance"]["version"], summary["provenance"]["settings_sha256"]
     if surface is None:
@@ -107,9 +112,13 @@ def methods_paragraph(summary: dict[str, Any], settings: "Settings") -> str:
     )
     estimated = summary["accuracy"]["estimated"]
     if estimated is not None:
+        most = f"{percent(estimated)} from a tenth of gross slip on"
+        within = most
+        if error_of_answer is not None and percent(error_of_answer) != percent(estimated):
+            within = f"{percent(error_of_answer)} at the force asked for (to within {most})"
         found.append(
             f"Against the same {_face(contact)} pressed exactly, stiffness and energy are "
-            f"estimated to within {percent(estimated)} from a tenth of gross slip on."
+            f"estimated to within {within}."
         )
     return " ".join(found)
 

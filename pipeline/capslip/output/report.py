@@ -160,7 +160,7 @@ def write_report(
         caps=None if scans else _cap_rows(analysis.caps, hill_loads_N(analysis)),
         scans=_scan_rows(scans, summary),
         tables=_tables(summary, None if scans else _changed(analysis)),
-        methods=methods_paragraph(summary, analysis.settings),
+        methods=methods_paragraph(summary, analysis.settings, analysis.error_of_answer),
         references=references(summary),
         citation=citation(summary),
         settings=tomli_w.dumps(analysis.settings.to_dict()),

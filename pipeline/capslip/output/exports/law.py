@@ -73,6 +73,7 @@ APPROACH, RECOVERY = (
     "the approach of the faces from first touch",
     "what the faces recover on unloading",
 )
+HOLDS = "Holds: "
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 LIGHTER = (0.5, 0.25)  # shares of the pressure of the scan under which it may lie otherwise
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
@@ -275,7 +276,7 @@ def about(
         "law.csv and law.h5 hold these for some pressures and displacements; law.py (numpy alone) "
         "reads law.json and gives them for any. law_jenkins.csv: sliders "
         "for harmonic balance; law_calculix.inp, law_abaqus.inp: cards of a surface interaction.",
-        f"Holds: {p[0]:.4g} to {p[-1]:.4g} Pa, D from {D.min():.3g} to {D.max():.3g} m. It ends "
+        f"{HOLDS}{p[0]:.4g} to {p[-1]:.4g} Pa, D from {D.min():.3g} to {D.max():.3g} m. It ends "
         f"there: {found.ends}.",
         "Constant pressure during a cycle, one direction of slip, no turning of the face, the tilt "
         f"as under {found.scan_pressure_Pa:.4g} Pa, " + yields + bulk,
@@ -342,12 +343,14 @@ def deck(found: Law, program: str, page: Iterable[str]) -> str:
     }
     in_mm, what, *friction = cards[program]
     table = _overclosure(found)
+    # One range in one file: the page is that of law.csv, whose pressures may be others
+    holds = f"{HOLDS}up to {table[-1][0]:.4g} Pa, where the table ends: keep to less."
+    page = [holds if text.startswith(HOLDS) else text for text in page]
     lines = [
         *(f"** {line}".rstrip() for text in page for line in textwrap.wrap(text, 90) or [""]),
         "**",
         "** Metres, newtons and pascals; in mm, N and MPa divide pressures by 1e6, multiply",
         f"** {in_mm}",
-        f"** Keep to less than {table[-1][0]:.6g} Pa, where the table ends.",
         *NOTES[program],
         "*SURFACE INTERACTION, NAME=CAPSLIP",
         "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR",
