@@ -426,3 +426,21 @@ def test_a_lighter_patch_lies_as_the_heaviest_does(alignment, load_N):
     assert given.contact.alignment == ("balanced" if stays else "as_levelled")
     turned = alignment == "balanced" and load_N < 100.0
     assert given.conditioning.form == ("none" if turned else chosen.conditioning.form)
+
+
+@pytest.mark.parametrize(
+    ("curve_s", "said"),
+    [
+        (4.98, ", about 5 s a curve of the map, of which it takes 1 to 10"),
+        (1.08, ", about 1.1 s a curve of the map, of which it takes 1 to 10"),  # 9 s in all
+        (0.15, ""),
+        (None, ""),
+    ],
+)
+def test_the_time_that_is_told_of_a_map_is_that_of_one_curve_and_says_so(curve_s, said):
+    told = []
+    clock = Clock(told.append)
+    for _ in range(2):
+        with clock("contact", curve_s):
+            pass
+    assert told == [f"analysing: contact{said}"]
