@@ -366,7 +366,7 @@ def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDo
     """
     if contact.rung.error is not None:
         known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-        errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
+        errors, doubts = contact.rung.error(contact.curve, contact.preload_N, *known)
         return replace(contact, errors=errors), doubts
     given = _settings_of(face, contact, settings, contact.rung.name)
     error, moved, doubts = estimate_error(*_caps_of(face), given)

@@ -17,6 +17,7 @@ from capslip.contact.curve import in_series
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import RUNG
+from capslip.contact.profiles import Profiles
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
@@ -439,3 +440,27 @@ def test_the_level_of_two_faces_is_as_uncertain_whichever_comes_first():
         found.append(by_level_J / found_J)
     assert np.abs(found[0] - 1.0).max() > 0.02
     np.testing.assert_allclose(found[0], found[1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_what_profiles_change_of_the_stiffness_is_told_of_the_one_that_is_answered(
+    kept, monkeypatch
+):
+    """A change of the compliance below the contacts counts over that with the bulk, or without."""
+    chosen = WITH_BULK if kept else settings()
+    caps, label = one_cap(), np.ones(FACE.shape, dtype=int)
+    y_m, x_m = 2e-3 * (np.indices(FACE.shape) + 0.5)
+    face = replace(FACE, height_m=-((x_m - 0.03) ** 2 + (y_m - 0.02) ** 2) / (2.0 * 20.0))
+    alone = estimate(caps, label=label, chosen=chosen, face=face)
+    changed = np.append(np.zeros(4), 0.1)  # of 1 / K with the bulk
+    monkeypatch.setattr(
+        accuracy,
+        "profiles",
+        lambda *_: Profiles(np.full(1, np.nan), np.full(1, np.nan), changed),
+    )
+    found = estimate(caps, label=label, chosen=chosen, face=face)
+    whole = RUNG.build(replace(scene_of(caps, PRELOAD_N, SIDE_M), surface=FACE))
+    K = float(whole.stiffness_N_per_m(whole.approach_m(PRELOAD_N)))
+    rest = 1.0 - K * bulk_compliance_m_per_N(SIDE_M, E_STAR_PA)
+    assert alone.moved.by_profile[-1] == 0.0
+    assert found.moved.by_profile[-1] == pytest.approx(0.1 if kept else 0.1 / rest, rel=1e-6)

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capslip.contact.bulk import bulk_of_face_m_per_N
+from capslip.contact.curve import in_series
 from capslip.contact.map_accuracy import (
     ALLOWED,
     ASKED,
@@ -265,3 +267,38 @@ def test_a_shape_that_the_filter_leaves_has_no_detail_whatever_its_pixels_leave(
     left = [PIXELS_95[at] * unloading.pixel_error(at * 20.0) for at in detail.FORCE_SHARES]
     assert off[0] > 0.5
     assert (off <= left).all()
+
+
+def with_the_bulk_and_without(surface, noise_m, load_N):
+    """Return stiffness, errors and the effect of detail of a noisy map, of the whole and alone."""
+    height_m = surface.height_m + np.random.default_rng(0).normal(0.0, noise_m, surface.shape)
+    noisy = replace(surface, height_m=height_m)
+    whole = bem.boundary_elements(noisy, E_STAR_PA, preload_N=load_N)
+    for curve in (whole, in_series(whole, -bulk_of_face_m_per_N(surface, E_STAR_PA))):
+        stated, said = error_of_map(curve, load_N, TOLERANCE)
+        effect = next(one.effect for one in said if one.code == "detail_decides")
+        yield float(curve.stiffness_N_per_m(curve.approach_m(load_N))), stated, effect
+
+
+def test_the_stiffness_with_the_bulk_in_series_errs_by_the_share_of_the_contact(surface):
+    """1 / K = c + 1 / K_contact: d ln K = (K / K_contact) d ln K_contact, and W is the same."""
+    (K, stated, effect), (alone, of_contact, decides) = with_the_bulk_and_without(
+        surface, 2e-8, LOAD_N
+    )
+    share = K / alone
+    assert share == pytest.approx(1.0 - K * bulk_of_face_m_per_N(surface, E_STAR_PA))
+    # A secant, of which the contact has more, moves by more
+    moved = effect.tangential_stiffness / decides.tangential_stiffness
+    assert share < 1.02 * moved < 1.02
+    assert share < stated.stiffness / of_contact.stiffness < 1.0
+    assert (stated.energy, effect.energy) == (of_contact.energy, decides.energy)
+
+
+def test_however_stiff_the_contact_may_be_the_bulk_in_series_bounds_the_stiffness():
+    """A face that closes: K < 1 / c."""
+    scene = Scene((80, 120), (2e-4, 2e-4), seed=4, roughness_rms_m=2e-7, roughness_length_m=1.5e-3)
+    rough, _ = synthetic_surface(scene)
+    (K, stated, _), (_, of_contact, _) = with_the_bulk_and_without(rough, 3e-8, 1500.0)
+    most_N_per_m = 1.0 / bulk_of_face_m_per_N(rough, E_STAR_PA)
+    assert 0.9 * most_N_per_m < K < K * np.exp(stated.stiffness) < most_N_per_m
+    assert K * np.exp(of_contact.stiffness) > most_N_per_m

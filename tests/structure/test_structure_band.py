@@ -656,15 +656,19 @@ def test_yielding_moves_the_interval_of_a_preload():
     assert width[0] == pytest.approx(1.5 * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.04)
 
 
-def test_what_the_unloading_of_yielded_caps_leaves_moves_energy_and_stiffness():
+@pytest.mark.parametrize("of_contact", [1.0, 0.1])
+def test_what_the_unloading_of_yielded_caps_leaves_moves_energy_and_stiffness(of_contact):
+    """The stiffness by the share that the contact has of the compliance, with the bulk kept."""
+
     def moved(contact):
         curve = contact.curve
         radius_m = np.repeat(curve.radius_m[None], 3, axis=0)
         same = caps(radius_m, 0.0 * radius_m, STEEL.E_star_Pa)
-        return replace(contact, moved=MovedCaps(curve, same, curve, None, 0.3))
+        given = MovedCaps(curve, same, curve, None, 0.3, of_contact=of_contact)
+        return replace(contact, moved=given)
 
     found = band({"slip_force_N": 0.25 * MU * N}, moved)
-    for name, of_unloading in (("energy_J", 0.3), ("displacement_m", 0.21)):
+    for name, of_unloading in (("energy_J", 0.3), ("displacement_m", 0.21 * of_contact)):
         sd = np.hypot(of_unloading, LEAST_ERROR) / NORMAL_95
         width = np.diff(np.log(found.interval[name]))[0]
         assert width == pytest.approx(2.0 * Z_90 * sd, rel=0.05)

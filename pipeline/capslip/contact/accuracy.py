@@ -8,7 +8,7 @@ import numpy as np
 
 from capslip.caps.spheres import LONGEST, elliptic_factor
 from capslip.caps.table import CapFlag, CapTable
-from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, share_of_contact, without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
@@ -60,6 +60,7 @@ class MovedCaps:
     whole: NormalCurve | None = None  # that of `found` with the bulk sinking
     # What profiles below contacts change of the `answers` beyond that: half of an error at 95 %
     by_profile: np.ndarray = field(default_factory=lambda: np.zeros(len(FORCE_SHARES) + 1))
+    of_contact: float = 1.0  # share of the contact in the compliance, with the bulk that is kept
 
     def of_profiles(self, share: float) -> tuple[float, float]:
         """Return relative errors of stiffness and energy at a share of mu N, at 95 %, by them."""
@@ -213,7 +214,9 @@ def error_of_caps(
         if label is not None and (seen := profiles(scene, curve, FORCE_SHARES, noise_m)):
             both = zip((seen.up_m, seen.log_radius), of_shape, strict=True)
             up, wide = (np.where(np.isnan(one), other, one) for one, other in both)
-            of_shape, by_profile = (up, wide), seen.change
+            of_whole = curve.stiffness_N_per_m(curve.approach_m(scene.preload_N))
+            answered = np.append(np.ones(len(FORCE_SHARES)), found[-1] / float(of_whole))
+            of_shape, by_profile = (up, wide), seen.change * answered
         up_m, wide = _at_random(scene, own_m, shared_m=_shared_noise_m(scene, noise_m, settings))
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
@@ -236,9 +239,11 @@ def error_of_caps(
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
         beyond = np.sqrt(np.square(of_shapes) - np.square(by_shape))
-        moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve, beyond)
+        of_contact = _of_contact(scene, curve, as_found)
+        given = as_found, used[0], used[1], by_level, unloading, curve, beyond, of_contact
+        moved = MovedCaps(*given)
         by_answer = np.vstack((2.0 * at_random_rms, 2.0 * of_shapes, *change[1:]))
-        errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
+        errors = _by_share(np.linalg.norm(by_answer, axis=0), moved, of_caps, level)
         if math.hypot(of_caps, level) > settings.contact.tolerance:
             own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))
             left = moved_caps(scene, curve, *own, settings)
@@ -249,20 +254,30 @@ def error_of_caps(
         return CapsError("caps that are moved within their errors have no solution")
 
 
+def _of_contact(scene: Scene, curve: InteractingCurve, used: NormalCurve) -> float:
+    """Return the share of the contacts in the compliance that slip uses, see `share_of_contact`."""
+    kept_m_per_N = bulk_of_face_m_per_N(scene.surface, scene.E_star_Pa)
+    kept_m_per_N += used.compliance_m_per_N - curve.compliance_m_per_N
+    load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
+    a_m = contact_radius_m(load_N, curve.radius_m, scene.E_star_Pa)
+    own_N_per_m = 2.0 * scene.E_star_Pa * float(a_m.sum())
+    return share_of_contact(used, kept_m_per_N, scene.preload_N, own_N_per_m)
+
+
 def _rms(changes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """Return the root mean square over the first axis."""
     return np.asarray(np.sqrt(np.mean(np.square(changes), axis=0)))
 
 
-def _by_share(by_answer: np.ndarray, unloading: float, of_caps: float, level: float) -> ModelError:
+def _by_share(by_answer: np.ndarray, moved: MovedCaps, of_caps: float, level: float) -> ModelError:
     """Return the errors by share of mu N, of each the greatest from there on.
 
     `by_answer`, shape (5,), is what caps, pairs and levelling leave in each of the `answers`; the
     greatest of all stays what the causes together, each where it is worst, may do.
     """
     *energies, stiffness = np.hypot(by_answer, LEAST_ERROR).tolist()
-    energies = [math.hypot(one, unloading) for one in energies]
-    stiffness = math.hypot(stiffness, OF_STIFFNESS * unloading)
+    energies = [math.hypot(one, moved.of_unloading) for one in energies]
+    stiffness = math.hypot(stiffness, OF_STIFFNESS * moved.of_contact * moved.of_unloading)
     greatest = [max(energies[i:]) for i in range(len(energies))]
     by_share = (*zip(FORCE_SHARES, greatest, strict=True), (1.0, greatest[-1]))
     return ModelError(stiffness, math.hypot(of_caps, level), by_share)

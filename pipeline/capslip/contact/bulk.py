@@ -15,6 +15,7 @@ from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import disc_within_m, outside_as_made
 
+_MOST_SLIP = 0.75  # of mu N, up to which errors count
 _BLOCKS = 64  # along the longer side of an outline
 # An analysis asks dozens of times for the same face
 _known: WeakKeyDictionary[HeightMap | ElasticFace, Energies] = WeakKeyDictionary()
@@ -166,3 +167,42 @@ def without_bulk(
     except ContactError:
         left = False
     return (rest, False) if left else (curve, True)
+
+
+def share_of_contact(
+    curve: NormalCurve, kept_m_per_N: float, load_N: float, own_N_per_m: float
+) -> float:
+    """Return by which share of itself a stiffness moves with that of the contacts alone.
+
+    Where the bulk sinking was taken off, by all. Where a curve holds it, by the share of the rest
+    in its compliance, the greatest of which is that of the secant at three quarters of mu N. And by
+    no less than the share of what contacts far from each other yield: of a single one, which is a
+    bulk of its own, that is all.
+
+    Parameters
+    ----------
+    curve : NormalCurve
+        As slip uses it.
+    kept_m_per_N : float
+        Compliance of the bulk that it holds.
+    load_N : float
+        Under which it is.
+    own_N_per_m : float
+        Sum of the stiffnesses that its contacts have far from each other, 2 E* a.
+
+    Examples
+    --------
+    >>> from capslip.contact.models.families import families
+    >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+    >>> sunk = in_series(curve, 1e-9)
+    >>> own_N_per_m = float(curve.stiffness_N_per_m(curve.approach_m(460.0)))
+    >>> each = (curve, 0.0), (sunk, 1e-9)
+    >>> [round(share_of_contact(*one, 460.0, own_N_per_m), 3) for one in each]
+    [1.0, 0.301]
+    """
+    if kept_m_per_N <= 0.0:
+        return 1.0
+    approach_m, drop_N = curve.approach_m(load_N), _MOST_SLIP * load_N
+    rest = 1.0 - kept_m_per_N * drop_N / float(curve.withdrawal_m(approach_m, drop_N))
+    of_own = float(curve.stiffness_N_per_m(approach_m)) / own_N_per_m
+    return min(max(rest, of_own), 1.0)

@@ -7,9 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.map_curve import BoundaryElementCurve
-from capslip.contact.plastic_law import LawError, law_of_map
+from capslip.contact.plastic_law import LawError, law_of_map, of_contact
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import (
     FORCE_SHARES,
@@ -76,6 +75,7 @@ class _Causes:
     coarser: Mapping[float, float] | None = None  # the same, what coarser pixels move
     between: Mapping[float, float] | None = None  # the same, what laid faces miss
     law: LawError | None = None  # what the plastic law leaves, at any force
+    of_contact: float = 1.0  # share of the contact in the compliance, with the bulk that is kept
 
     def at(self, share: float) -> tuple[float, float]:
         """Return what pixels and noise do to the energy at a share of mu N, relative, at 95 %."""
@@ -108,6 +108,7 @@ def error_of_map(
     Parameters
     ----------
     curve : BoundaryElementCurve
+        As slip uses it: its stiffness is meant, with the bulk sinking or without.
     load_N : float
         Under which it is.
     tolerance : float
@@ -126,7 +127,7 @@ def error_of_map(
     least = max(between, LEAST_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
     counted_m, law = _counted_m(white_m, first.approach_m), law_of_map(curve, load_N)
-    causes = _Causes(unloading, counted_m, law=law)
+    causes = _Causes(unloading, counted_m, law=law, of_contact=of_contact(curve, load_N))
     if noise_m is not None:
         causes = replace(causes, given=_of_given(curve, load_N, first, noise_m))
     if (missed := _missed(curve, load_N, first, noise_m)) is not None:
@@ -166,7 +167,8 @@ def error_of_map(
     pixels_of_whole, noise_of_whole = causes.at(FORCE_SHARES[-1])
     strong = white_m > SMALL_NOISE * first.approach_m
     of_detail, energy = _left_by_detail(detail, factor, strong)
-    stiffness = max(of_detail, noise_of_whole, STIFFNESS_95 * pixels_of_whole, LEAST_ERROR)
+    of_points = causes.of_contact * max(noise_of_whole, STIFFNESS_95 * pixels_of_whole)
+    stiffness = max(of_detail, of_points, LEAST_ERROR)
     return _with_pixels(causes, stiffness, least, energy), tuple(found)
 
 
@@ -197,7 +199,7 @@ def _pressed_again(
         first,
         unloading,
         tolerance,
-        bulk_of_face_m_per_N(face, face.E_star_Pa),
+        -curve.compliance_m_per_N,
         resolved=resolved,
         time_limit_s=solutions.left_s(load_N),
         start_Pa=pressed.pressure_Pa,
@@ -351,7 +353,8 @@ def _with_pixels(
         of_both = math.hypot(*causes.at(share), causes.missed_at(share))
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     greatest = max(error for _, error in by_share)
-    stiffness = max(stiffness, STIFFNESS_MISSED * causes.missed_at(FORCE_SHARES[-1]))
+    missed = causes.of_contact * STIFFNESS_MISSED * causes.missed_at(FORCE_SHARES[-1])
+    stiffness = max(stiffness, missed)
     unknown_to = _unknown_to(causes.unloading)
     return ModelError(stiffness, greatest, tuple(by_share), unknown_to, causes.law)
 

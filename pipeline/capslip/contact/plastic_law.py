@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from capslip.contact.bulk import bulk_of_face_m_per_N, share_of_contact
 from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.pressed import Pressed
@@ -93,6 +94,7 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     ----------
     curve : BoundaryElementCurve
         Of a first loading to this load, or of an elastic face.
+        Where that holds the bulk sinking, its displacements move by the share of the contact.
     load_N : float
     """
     pressed, first = curve.pressed(load_N), curve.loaded_first_to(load_N)
@@ -110,7 +112,18 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
         )
         for rows in (SHAPE, ENERGY)
     )
-    return LawError(math.log(of_caps.sum() / radius.sum()), shape, energy)
+    share = of_contact(curve, load_N)
+    stiffness = share * math.log(of_caps.sum() / radius.sum())
+    return LawError(stiffness, tuple(share * one for one in shape), energy)
+
+
+def of_contact(curve: BoundaryElementCurve, load_N: float) -> float:
+    """Return the share of the contacts in the compliance of a map, see `share_of_contact`."""
+    face, pressed = curve.solutions.face, curve.pressed(load_N)
+    kept_m_per_N = bulk_of_face_m_per_N(face, face.E_star_Pa) + curve.compliance_m_per_N
+    radius_m = np.sqrt(pressed.region_pixels * face.pixel_area_m2 / math.pi)
+    own_N_per_m = 2.0 * face.E_star_Pa * float(radius_m.sum())
+    return share_of_contact(curve, kept_m_per_N, load_N, own_N_per_m)
 
 
 def _over_hardness(pressed: Pressed, before: ElasticFace, after: ElasticFace) -> np.ndarray:

@@ -268,7 +268,7 @@ def press(  # long: one state, field by field
     problems += problems_of_closing(found, surface.measured_area_m2)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
-        errors, doubts = model.error(normal, preload_N, settings.contact.tolerance, scene.noise_m)
+        errors, doubts = model.error(curve, preload_N, settings.contact.tolerance, scene.noise_m)
         better = choice.caps_within(of_map := _by_detail(errors, doubts))
         if better is not None:
             return _by_caps(better, doubts, of_map, (caps, families, surface), settings)

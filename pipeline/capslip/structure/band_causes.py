@@ -112,7 +112,7 @@ def _of_moved(contact: ContactState, share: float, at: float, response: Response
     others = [2.0 * by_shape, PAIRS_SHARE * (log_of(moved.by_pairs) - log)]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
     # Of caps that yielded either of the two alone: nothing tells how they go together
-    others += [*np.diag((OF_STIFFNESS, 1.0)) * moved.of_unloading]
+    others += [*np.diag((OF_STIFFNESS * moved.of_contact, 1.0)) * moved.of_unloading]
     others += [*np.diag(moved.of_profiles(share)), *(LEAST_ERROR * np.eye(2))]
     return Left(
         _root(np.array(random) / math.sqrt(len(random))),
