@@ -275,6 +275,10 @@ def test_what_no_direction_leaves_open_is_said_and_in_the_interval():
     low, high = none.contact.lay.kappa_range
     assert sorted(end.slip.kappa for end in ends) == pytest.approx([low, high], rel=1e-4)
     assert problem.effect.energy == pytest.approx(high / STEEL.kappa - 1, rel=0.01)
+    across = max(end.contact.stiffness_N_per_m / end.slip.kappa for end in ends)  # K of slip
+    stiffer = across * STEEL.kappa / none.contact.stiffness_N_per_m - 1.0
+    assert problem.effect.tangential_stiffness == pytest.approx(stiffer)
+    assert f"the stiffness is off by up to {stiffer:.1%}, the energy by" in problem.message
     table = none.summary()["slip"]
     assert table["kappa_range"] == [low, high]
     assert table["softest_direction_rad"] == pytest.approx(0.0, abs=0.02)

@@ -111,11 +111,12 @@ def _problem(lay: Lay, direction_rad: float | None, tolerance: float) -> Problem
     if max(lay.swing, energy_off) <= tolerance:
         return None
     least, greatest = lay.kappa_range
+    stiffer = lay.round_kappa / least - 1.0  # across, where more is open than along: K ~ 1 / kappa
     message = (
         f"contacts are long or lie in rows: kappa is {greatest:.3f} where slip is at "
         f"{round(math.degrees(lay.softest_rad))} degrees from x, {least:.3f} across that, and "
         f"{lay.round_kappa:.3f} was taken, the mean over all directions: the stiffness is off by "
-        f"up to {lay.swing:.1%}, the energy by {energy_off:.1%}"
+        f"up to {stiffer:.1%}, the energy by {energy_off:.1%}"
     )
-    effect = Effect(lay.round_kappa / least - 1.0, energy_off, energy_off)
+    effect = Effect(stiffer, energy_off, energy_off)
     return Problem("slip_direction_matters", "info", message, effect)
