@@ -96,7 +96,10 @@ TABLE = [
     (("surface/readers/*.py",), ("tests/surface/test_*readers*.py",)),
     (("surface/*.py",), ("tests/surface/test_*_{stem}.py",)),
     (
-        ("contact/effects.py", "contact/trials.py", "contact/map_accuracy.py"),
+        (
+            *("contact/effects.py", "contact/trials.py", "contact/map_accuracy.py"),
+            "contact/map_doubts.py",
+        ),
         (
             *("tests/contact/test_*trials*.py", "tests/contact/test_*effects_told*.py"),
             *("tests/contact/test_*effects*.py", "tests/contact/test_*detail*.py"),

@@ -181,6 +181,34 @@ def test_small_slip_is_doubted_where_pixels_leave_more_than_was_asked(
     assert doubts._of_small_slip(contact, None, None, 0.05) == []
 
 
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.1, ["a", "at 0.25", "b"]),
+        (0.25, ["a", "at 0.25", "b"]),
+        (0.5, ["a", "at 0.5", "b"]),
+        (None, ["a", "at 0.25", "b"]),
+    ],
+)
+def test_what_a_map_leaves_is_told_at_the_force_that_is_asked_for(share, expected):
+    """Whoever asks at a greater force, as was advised, is not told of a quarter again."""
+
+    def at(asked):
+        return (Problem("detail_decides", "warning", f"at {asked}"),)
+
+    first, last = (Problem("yielded", "info", name) for name in "ab")
+    errors = ModelError(0.01, 0.3, doubts_at=at)
+    answer = None if share is None else SimpleNamespace(slip_force_N=20.0 * share)
+    slip = SimpleNamespace(total_slip_force_N=20.0)
+    found = SimpleNamespace(contact=SimpleNamespace(errors=errors), answer=answer, slip=slip)
+    said = doubts.as_asked([first, *at(0.25), last], found)
+    assert [one.message for one in said] == expected
+    of_caps = [first, Problem("detail_decides", "warning", "at 0.25; so caps answer")]
+    assert doubts.as_asked(of_caps, found) == of_caps
+    found.contact.errors = ModelError(0.01, 0.3)
+    assert doubts.as_asked([*at(0.25)], found) == [*at(0.25)]
+
+
 TURNED, LAGS = "mating.rotation_rad=0.1", "slip.normal_phase_rad=1"
 OF_A_SCAN = ("reading.invert=true", "hills.cut=fixed", "families.count=2", "run.sensitivity=true")
 OF_A_JOINT = ("contact.preload_N=5", "slip.direction_rad=1", "run.figures=false", "families.m=3")

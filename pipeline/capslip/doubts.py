@@ -19,7 +19,7 @@ from capslip.contact.doubts import (
     problems_of_waves,
 )
 from capslip.contact.effects import with_effects
-from capslip.contact.map_accuracy import ASKED
+from capslip.contact.map_doubts import ASKED
 from capslip.contact.plastic_law import with_law
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
@@ -89,6 +89,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         ]
         problems = [*_less_voids(before, face, found.settings), *found.problems]
         return with_next_steps(problems, face.joint, found.settings, pressed=None)
+    contact = replace(contact, problems=tuple(as_asked(contact.problems, found)))
     settings, surface = found.settings, face.conditioned.surface
     tolerance = settings.contact.tolerance
     doubtful = still_doubtful(found.caps, contact, surface, tolerance)
@@ -151,6 +152,23 @@ def problems_of_settings(settings: Settings, scanned: bool, mated: bool) -> list
         for severity, names, why in idle
         if names
     ]
+
+
+def as_asked(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
+    """Return the problems, those of a pressed map as they are at the force that is asked for.
+
+    They were found at a quarter of mu N, and stay so where less is asked: `_of_small_slip` says
+    what is left there.
+    """
+    errors, share = None if found.contact is None else found.contact.errors, _share_asked(found)
+    if errors is None or errors.doubts_at is None or share <= ASKED:
+        return list(problems)
+    known, at_share = errors.doubts_at(ASKED), errors.doubts_at(share)
+    if not any(one in known for one in problems):  # caps answer, or it was said of a patch
+        return list(problems)
+    place = next(i for i, one in enumerate(problems) if one in known)
+    others = [one for one in problems if one not in known]
+    return [*others[:place], *at_share, *others[place:]]
 
 
 def with_what_law_moves(problems: Sequence[Problem], found: Analysis) -> list[Problem]:

@@ -365,7 +365,9 @@ def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDo
     Caps that answer where the choice was free are asked as if the settings forced them.
     """
     if contact.rung.error is not None:
-        known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
+        noise_m = known_noise_m(face.conditioned.surface, settings)
+        filtered = settings.conditioning.s_filter_nesting_index_m is not None
+        known = settings.contact.tolerance, noise_m, filtered
         errors, doubts = contact.rung.error(contact.curve, contact.preload_N, *known)
         return replace(contact, errors=errors), doubts
     given = _settings_of(face, contact, settings, contact.rung.name)

@@ -9,15 +9,12 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.map_accuracy import (
     ALLOWED,
-    ASKED,
     LEAST_ERROR,
     PIXELS_95,
     _left_by_detail,
-    _less_noise,
-    _noisy,
-    _of_detail,
     error_of_map,
 )
+from capslip.contact.map_doubts import ASKED, less_noise, noisy, of_detail
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.contact.solvers.detail import FirstLoading
@@ -136,7 +133,7 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
     """Noise that the filter takes off by 0.63 moves 1 / 0.63 as much, and no more is noise."""
     effect = Effect(0.01, 0.2, 0.2)
     of_map = detail.Detail(effect, share, (0.2, 0.04, 0.03, 0.02))
-    (said,), factor = _of_detail(of_map, 0.0, TOLERANCE, 1e-4, True)
+    (said,), factor = of_detail(of_map, 0.0, TOLERANCE, 1e-4, True)
     assert (said.code, said.severity, said.effect) == ("detail_decides", severity, effect)
     assert factor == pytest.approx(share / 0.63)
     assert (factor * 0.04 > TOLERANCE) == (severity == "warning")
@@ -150,7 +147,7 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
 def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pixels, told, energy):
     """Whoever reads of 4 % would not know why the interval has 36."""
     of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
-    (said,), _ = _of_detail(of_map, of_pixels, TOLERANCE, 1e-4, of_pixels < 0.1)
+    (said,), _ = of_detail(of_map, of_pixels, TOLERANCE, 1e-4, of_pixels < 0.1)
     assert (said.severity, said.effect) == ("warning", Effect(0.2, energy, energy))
     assert ("pixels leave up to" in said.message) == (told is not None)
     assert ("instrument.noise_m" in said.step) == (of_pixels > 0.1)  # where it is not known
@@ -162,8 +159,8 @@ def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pix
 
 @pytest.mark.parametrize(("of_pixels", "finer"), [(0.04, False), (0.08, False), (0.3, True)])
 def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixels, finer):
-    less = _less_noise(0.1 / TOLERANCE, None, 1e-4)
-    said = _noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, less)
+    less = less_noise(0.1 / TOLERANCE, None, 1e-4)
+    said = noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, less)
     assert (
         said.effect.energy
         == said.effect.loss_factor
@@ -180,24 +177,22 @@ def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixel
 def test_of_what_was_filtered_the_mean_of_enough_scans_is_asked_for():
     """The noise of a mean falls with the root of their number, and what it does with the noise."""
     taken = TakenNoise(2e-9, np.full((3, 4), 0.1))
-    assert _less_noise(2.9, taken, 1e-4) == (
+    assert less_noise(2.9, taken, 1e-4) == (
         "average 9 scans (capslip average), with --set instrument.noise_m=6.7e-10"
     )
-    assert _less_noise(1.1, taken, 1e-4).startswith("average 2 scans (")
+    assert less_noise(1.1, taken, 1e-4).startswith("average 2 scans (")
 
 
 def test_noise_that_nobody_knows_is_asked_for_before_a_filter_is():
     asked = "--set instrument.noise_m=3e-09, if the instrument has as much; else --set "
-    assert _less_noise(2.0, None, 1e-4, 3e-9).startswith(asked)
-    assert "instrument" not in _less_noise(2.0, None, 1e-4)
+    assert less_noise(2.0, None, 1e-4, 3e-9).startswith(asked)
+    assert "instrument" not in less_noise(2.0, None, 1e-4)
 
 
 def test_the_noise_that_is_asked_for_is_that_of_one_scan_of_two_faces():
     taken = TakenNoise(2e-9, np.full((3, 4), 0.1))
-    assert _less_noise(2.0, None, 1e-4, 3e-9, faces=2).startswith(
-        "--set instrument.noise_m=2.1e-09"
-    )
-    assert _less_noise(2.9, taken, 1e-4, faces=2).endswith("--set instrument.noise_m=4.7e-10")
+    assert less_noise(2.0, None, 1e-4, 3e-9, faces=2).startswith("--set instrument.noise_m=2.1e-09")
+    assert less_noise(2.9, taken, 1e-4, faces=2).endswith("--set instrument.noise_m=4.7e-10")
 
 
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):
@@ -267,6 +262,62 @@ def test_a_shape_that_the_filter_leaves_has_no_detail_whatever_its_pixels_leave(
     left = [PIXELS_95[at] * unloading.pixel_error(at * 20.0) for at in detail.FORCE_SHARES]
     assert off[0] > 0.5
     assert (off <= left).all()
+
+
+def test_where_a_filter_is_set_no_other_one_is_a_way_out():
+    """It was tried, and a wider one takes more of the face."""
+    of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
+    for of_pixels in (0.31, 0.05):
+        for known in (True, False):
+            (said,), _ = of_detail(of_map, of_pixels, TOLERANCE, 1e-4, known, filtered=True)
+            assert "s_filter" not in said.step
+            assert ("instrument.noise_m" in said.step) != known
+            assert said.step.lower().startswith("scan with smaller pixels") == (
+                known or of_pixels > 0.3
+            )
+    assert _no_filter_in(less_noise(2.0, None, 1e-4, filtered=True))
+    assert _no_filter_in(less_noise(2.0, None, 1e-4, 3e-9, filtered=True))
+
+
+def _no_filter_in(step):
+    return "average 4 scans" in step and "s_filter" not in step
+
+
+def test_what_is_doubted_at_a_force_is_what_is_left_there_and_no_more_is_asked_beyond_gross_slip():
+    of_map = detail.Detail(Effect(0.02, 0.5, 0.5), 0.63, (0.5, 0.4, 0.2, 0.04))
+    told = {}
+    for share in (0.25, 0.4, 0.5, 0.75, 1.0):
+        (said,), _ = of_detail(of_map, 0.0, TOLERANCE, 1e-4, True, share)
+        told[share] = said.severity, said.effect.energy
+    assert told[0.25] == ("warning", 0.5)  # from a tenth on, as where nothing is asked
+    assert told[0.5] == ("warning", 0.2)
+    assert told[0.75] == told[1.0] == ("info", 0.04)
+    at = np.log((0.25, 0.4, 0.5))
+    assert told[0.4] == ("warning", pytest.approx(np.interp(at[1], at[::2], (0.4, 0.2))))
+    for share in (0.7, 1.0):
+        (said,), _ = of_detail(of_map, 0.9, 0.001, 1e-4, True, share)
+        assert f"at {100 * share:.0f} % of gross slip" in said.message
+        assert ("ask at a greater force" in said.step) == (share < 1.0)
+
+
+def test_errors_of_a_map_tell_what_is_left_at_any_force(surface):
+    """Pixels of smooth caps leave less, the more slips: at a greater force it is no warning."""
+    curve = solved(surface)
+    known = {
+        share: PIXELS_95[share] * curve.unloading(LOAD_N).pixel_error(share * LOAD_N)
+        for share in PIXELS_95
+    }
+    assert known[0.5] < known[0.25]
+    stated, found = error_of_map(curve, LOAD_N, 0.99 * known[0.25])
+    assert stated.doubts_at(ASKED) == found[-1:]  # before it, what is left between the loads
+    said = found[-1]
+    assert (said.code, said.severity) == ("small_slip_extrapolated", "warning")
+    assert [one.severity for one in stated.doubts_at(0.5)] == ["info"]  # of a tenth, as ever
+    between, _ = error_of_map(curve, LOAD_N, 0.5 * min(known[0.25], known[0.5]))
+    (said,) = between.doubts_at(0.4)
+    low, high = sorted(np.expm1([known[0.25], known[0.5]]))
+    assert low < said.effect.energy < high
+    assert "at 40 % of the force at gross slip" in said.message
 
 
 def with_the_bulk_and_without(surface, noise_m, load_N):

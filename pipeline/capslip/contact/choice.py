@@ -13,7 +13,7 @@ from capslip.contact.accuracy import CapsError, MovedCaps, answers, error_of_cap
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened
-from capslip.contact.map_accuracy import ASKED
+from capslip.contact.map_doubts import ASKED
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import RUNG as REFERENCE
 from capslip.contact.models.mean_field import RUNG as FALLBACK

@@ -10,7 +10,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import FORCE_SHARES, answers
-from capslip.contact.map_accuracy import ASKED
+from capslip.contact.map_doubts import ASKED
 from capslip.contact.press import ContactState
 from capslip.contact.rung import Scene
 from capslip.contact.solvers.elastic_face import elastic_face

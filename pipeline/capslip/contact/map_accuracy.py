@@ -8,11 +8,11 @@ from types import MappingProxyType
 import numpy as np
 
 from capslip.contact.map_curve import BoundaryElementCurve
+from capslip.contact.map_doubts import ASKED, doubted_of, less_noise, noisy, of_detail, unresolved
 from capslip.contact.plastic_law import LawError, law_of_map, of_contact
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import (
     FORCE_SHARES,
-    WHITE_LEFT,
     Detail,
     FirstLoading,
     effect_of_detail,
@@ -29,15 +29,10 @@ from capslip.contact.solvers.noise import (
 from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading, path_at
 from capslip.errors import OutOfTimeError
-from capslip.problems import KINDS, Effect, Problem, Severity
+from capslip.problems import KINDS, Effect, Problem
 from capslip.surface.between import missed_of_all_m
-from capslip.units import off_by, percent, share_of
+from capslip.units import percent
 
-S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
-TELLS_NOISE = (
-    "capslip average with another scan of this place, or --set instrument.noise_m=..., tells noise "
-    "from detail"
-)
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
 # What a spline leaves there by each point along a side of a pixel, from as many on, up to as many:
@@ -49,17 +44,18 @@ SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first
 MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hurst exponent of 0.8
 # and more have 0.65 at most
 MOST_OF_NOISE = 1.0  # relative, of the energy: first order ends where all of it would go
-RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
 # Over what detail moves of stiffness and energy where noise is more than small: 95 % are within
 STRONG_95 = 1.5, 1.3
 MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude none is known anyway
-ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 # Correlation length of what is missed, over how far the points lie apart: on rough faces of every
 # other point the energy at 0.25 mu N is off by 0.5 to 0.85 standard deviations then
 OF_APART = 0.3
 STIFFNESS_MISSED = 0.4  # of what they miss in the energy at three quarters, in the stiffness
+# It bounds the noise of the highest points, where that of all neighbours holds roughness as well
+ALLOWED = "as much white noise as differences from pixel to pixel allow, "
+NOTHING = 1e-12  # stands for an error of zero in a logarithm
 NOTHING_MISSED = 2e-4  # of the approach: it moves the energy by a tenth of `LEAST_ERROR`
 # Of mu N, at which the effect of given noise is solved: slopes of the pressures lie between them
 NOISE_SHARES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5, 0.65, 0.75)
@@ -87,9 +83,57 @@ class _Causes:
         of_noise = NORMAL_95 * self.noise_m * self.unloading.noise_per_m(drop_N)
         return of_pixels, min(of_noise, MOST_OF_NOISE)
 
+    def at_any(self, share: float) -> tuple[float, float]:
+        """Return what `at` does at any share, by powers between those known."""
+        if share in PIXELS_95:
+            return self.at(share)
+        rows = np.log(np.maximum([self.at(one) for one in PIXELS_95], NOTHING))
+        known = np.log(tuple(PIXELS_95))
+        of_pixels, of_noise = (float(np.interp(math.log(share), known, one)) for one in rows.T)
+        return math.exp(of_pixels), math.exp(of_noise)
+
     def missed_at(self, share: float) -> float:
         """Return what laid faces miss between their points does to the energy, at 95 %."""
         return (self.between or {}).get(min(share, FORCE_SHARES[-1]), 0.0)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What detail, pixels and noise of a map leave, and what there is to say of it."""
+
+    causes: _Causes
+    detail: Detail
+    tolerance: float
+    pixel_m: float
+    noise_m: float | None  # of the instrument, where it is known
+    taken: TakenNoise | None
+    faces: float
+    filtered: bool  # whether the settings have an S-filter: then no other one is a way out
+    warned: bool  # of what other forces do not help
+
+    def doubts_at(self, asked: float) -> tuple[Problem, ...]:
+        """Return it where a share of mu N is asked for, from a quarter on; at that, of all forces.
+
+        Whoever asks at a greater force is not told what is left at a smaller one.
+        """
+        tolerance, noise_m = self.tolerance, self.noise_m
+        of_pixels, of_noise = self.causes.at_any(asked)
+        given = self.detail, of_pixels, tolerance, self.pixel_m, noise_m is not None
+        found, _ = of_detail(*given, asked, self.filtered)
+        if not any(one.severity == "warning" for one in found):
+            if of_noise > tolerance:
+                counted_m = self.causes.noise_m
+                of = f"noise of {noise_m:.2g} m" if noise_m else f"{ALLOWED}{counted_m:.2g} m"
+                white = None if noise_m else counted_m
+                scan = self.taken, self.pixel_m, white, self.faces, self.filtered
+                less = less_noise(of_noise / tolerance, *scan)
+                found.append(noisy(of, of_noise, of_pixels, tolerance, less, asked))
+            elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
+                found.append(unresolved("warning", asked, of_either))
+        known = self.warned or any(one.severity == "warning" for one in found)
+        if (of_both := math.hypot(*self.causes.at(SMALL_SLIP))) > tolerance and not known:
+            found.append(unresolved("info", SMALL_SLIP, of_both))
+        return tuple(found)
 
 
 def error_of_map(
@@ -97,6 +141,7 @@ def error_of_map(
     load_N: float,
     tolerance: float,
     noise_m: float | None = None,
+    filtered: bool = False,
 ) -> tuple[ModelError | None, tuple[Problem, ...]]:
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
@@ -116,6 +161,8 @@ def error_of_map(
     noise_m : float, optional
         Measurement noise of the instrument, which may be correlated over a few pixels. Where it is
         not known, as much as changes from pixel to pixel counts, and is white.
+    filtered : bool
+        Whether the settings have an S-filter: then none is advised.
     """
     unloading, pressed = curve.unloading(load_N), curve.pressed(load_N)
     first = curve.loaded_first_to(load_N)
@@ -147,29 +194,19 @@ def error_of_map(
     causes = replace(causes, noise_m=counted_m, coarser=changes)
     if noise_m is not None and noise_m < white_m:  # the rest of it is the face's
         detail = replace(detail, white_share=detail.white_share * noise_m / white_m)
-    of_both = math.hypot(*causes.at(SMALL_SLIP))
-    of_pixels, of_noise = causes.at(ASKED)
-    pixel_m = max(pressed.pixel_size_m)
-    more, factor = _of_detail(detail, of_pixels, tolerance, pixel_m, noise_m is not None)
-    found += more
-    if not any(one.severity == "warning" for one in more):
-        if of_noise > tolerance:
-            of = f"noise of {noise_m:.2g} m" if noise_m else f"{ALLOWED}{counted_m:.2g} m"
-            white = None if noise_m else counted_m
-            less = _less_noise(of_noise / tolerance, taken, pixel_m, white, first.face.faces)
-            found.append(_noisy(of, of_noise, of_pixels, tolerance, less))
-        elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
-            found.append(_unresolved("warning", ASKED, of_either))
-    known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
-    if of_both > tolerance and not known:
-        found.append(_unresolved("info", SMALL_SLIP, of_both))
+    warned = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
+    of_scan = max(pressed.pixel_size_m), noise_m, taken, first.face.faces
+    seen = _Seen(causes, detail, tolerance, *of_scan, filtered, warned)
+    found += seen.doubts_at(ASKED)
+    factor = doubted_of(detail)
     # As what is left where nearly all of the contact slips: both are of all of it alike
     pixels_of_whole, noise_of_whole = causes.at(FORCE_SHARES[-1])
     strong = white_m > SMALL_NOISE * first.approach_m
     of_detail, energy = _left_by_detail(detail, factor, strong)
     of_points = causes.of_contact * max(noise_of_whole, STIFFNESS_95 * pixels_of_whole)
     stiffness = max(of_detail, of_points, LEAST_ERROR)
-    return _with_pixels(causes, stiffness, least, energy), tuple(found)
+    errors = _with_pixels(causes, stiffness, least, energy)
+    return replace(errors, doubts_at=seen.doubts_at), tuple(found)
 
 
 def left_by_pixels(curve: BoundaryElementCurve, load_N: float) -> dict[float, float]:
@@ -211,10 +248,6 @@ def _pressed_again(
         left_s = solutions.left_s(load_N)
         changes = effect_of_pixels(first, unloading, tolerance, pressed.pressure_Pa, left_s)
     return detail, changes
-
-
-# It bounds the noise of the highest points, where that of all neighbours holds roughness as well
-ALLOWED = "as much white noise as differences from pixel to pixel allow, "
 
 
 def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> float:
@@ -278,45 +311,6 @@ def _by_length_m(first: FirstLoading, noise_m: float) -> np.ndarray:
     by_length_m = noise_by_length_m(first.face, first.approach_m, rest_m)
     by_length_m[0] = taken.noise_m
     return by_length_m
-
-
-def _of_detail(
-    detail: Detail, of_pixels: float, tolerance: float, pixel_m: float, noise_known: bool
-) -> tuple[list[Problem], float]:
-    """Return what there is to say of the finest detail, and its error over its effect.
-
-    Of that as much is doubted as may be of white noise: noise moves more than the filter takes off
-    of it, and what changes less from pixel to pixel than noise does is the face's own.
-    """
-    effect, factor = detail.effect, detail.white_share / (1.0 - WHITE_LEFT)
-    if effect.greatest <= tolerance:
-        return [], factor
-    said = (
-        f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
-        f"energy by up to {effect.energy:.1%}"
-    )
-    if of_pixels <= tolerance and detail.white_share < RESOLVED:
-        message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
-        return [Problem("detail_decides", "info", message, effect)], factor
-    asked = detail.energy_from(ASKED)
-    if (doubted := factor * max(effect.tangential_stiffness or 0.0, asked)) <= tolerance:
-        message = (
-            f"{said}, by no more than {asked:.1%} from {percent(ASKED)} of gross slip on; noise as "
-            f"its differences from pixel to pixel allow moves up to {doubted:.1%} there"
-        )
-        return [Problem("detail_decides", "info", message, effect)], factor
-    message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
-    step = "" if noise_known else f"{TELLS_NOISE}; or "
-    step += f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise"
-    if of_pixels <= max(tolerance, asked):
-        step += "; else a finer scan"
-    else:
-        left = f"{off_by(of_pixels)} in the energy at {percent(ASKED)} of gross slip"
-        message += f"; pixels leave up to {left}"
-        step = f"{_unresolved('warning', ASKED, of_pixels).advice}; {step}"
-        energy = max(effect.energy or 0.0, share_of(of_pixels))
-        effect = replace(effect, energy=energy, loss_factor=energy)
-    return [Problem("detail_decides", "warning", message, effect, step)], factor
 
 
 def _left_by_detail(
@@ -398,54 +392,9 @@ def _out_of_time(limit_s: float) -> Problem:
     return Problem("time_limit_reached", "warning", message)
 
 
-def _unresolved(severity: Severity, share: float, error: float) -> Problem:
-    message = (
-        f"at {percent(share)} of the force at gross slip pixels and noise of the map leave up to "
-        f"{off_by(error)} in the energy per cycle"
-    )
-    moved = share_of(error)
-    return Problem("small_slip_extrapolated", severity, message, Effect(None, moved, moved))
-
-
 def _noise_taken(taken: TakenNoise) -> Problem:
     message = (
         f"white noise of {taken.noise_m:.2g} m a point, as the instrument has, was taken off the "
         f"map before it was pressed: {taken.left_m:.2g} m of it are left"
     )
     return Problem("noise_taken_off", "info", message)
-
-
-def _less_noise(
-    too_much: float,
-    taken: TakenNoise | None,
-    pixel_m: float,
-    white_m: float | None = None,
-    faces: float = 1,
-) -> str:
-    """Return what to do about noise that does so many times what it may, or may be no noise.
-
-    The setting is the noise of one scan, of which two faces have two, less what interpolation
-    takes off.
-    """
-    scans = max(2, math.ceil(too_much**2))
-    less = f"average {scans} scans (capslip average)"
-    if taken is not None:
-        noise_m = taken.noise_m / math.sqrt(scans * faces)
-        return f"{less}, with --set instrument.noise_m={noise_m:.2g}"
-    less = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or {less}"
-    if white_m is None:
-        return less
-    noise_m = white_m / math.sqrt(faces)
-    return f"--set instrument.noise_m={noise_m:.2g}, if the instrument has as much; else {less}"
-
-
-def _noisy(noise: str, of_noise: float, of_pixels: float, tolerance: float, less: str) -> Problem:
-    moved = share_of(math.hypot(of_noise, of_pixels))
-    message = (
-        f"{noise} a point leaves up to {off_by(of_noise)} in the energy per cycle "
-        f"at {percent(ASKED)} of the force at gross slip"
-    )
-    if of_pixels > tolerance:
-        message += f", and its pixels up to {off_by(of_pixels)}"
-    step = _unresolved("warning", ASKED, of_pixels).advice if of_pixels > of_noise else less
-    return Problem("detail_decides", "warning", message, Effect(None, moved, moved), step)

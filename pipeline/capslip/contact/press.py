@@ -15,7 +15,7 @@ from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, left_m, loaded_first
 from capslip.contact.lay import Lay
-from capslip.contact.map_accuracy import ASKED
+from capslip.contact.map_doubts import ASKED
 from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
@@ -268,7 +268,9 @@ def press(  # long: one state, field by field
     problems += problems_of_closing(found, surface.measured_area_m2)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
-        errors, doubts = model.error(curve, preload_N, settings.contact.tolerance, scene.noise_m)
+        filtered = settings.conditioning.s_filter_nesting_index_m is not None
+        known = settings.contact.tolerance, scene.noise_m, filtered
+        errors, doubts = model.error(curve, preload_N, *known)
         better = choice.caps_within(of_map := _by_detail(errors, doubts))
         if better is not None:
             return _by_caps(better, doubts, of_map, (caps, families, surface), settings)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from capslip.caps.table import CapFlag, CapTable
-from capslip.contact.map_accuracy import ASKED
+from capslip.contact.map_doubts import ASKED
 from capslip.contact.press import ContactState
 from capslip.problems import Problem
 from capslip.surface.doubts import sizes_fit

@@ -6,7 +6,7 @@ No other module asks for the name of a rung; whatever sets one apart is an attri
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
@@ -114,6 +114,10 @@ class ModelError:
     energy_by_share: tuple[tuple[float, float], ...] = ()
     unknown_to: float = 0.0  # share of mu N, up to which the energy is anything in its rectangle
     law: "LawError | None" = None  # what a map that yields leaves beside all that; None: nothing
+    # What there is to say of them where a share of mu N is asked for; None: the same at any force
+    doubts_at: Callable[[float], tuple[Problem, ...]] | None = field(
+        default=None, compare=False, repr=False
+    )
 
     @classmethod
     def of_either(cls, error: float | None) -> "ModelError | None":
@@ -181,9 +185,11 @@ class Rung(Generic[C]):
     reads_families: bool = False  # whether it takes m, n, R and h, not each cap for itself
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
-    # (curve, load, tolerance, measurement noise)
+    # (curve, load, tolerance, measurement noise, whether an S-filter is set)
     error: (
-        Callable[[C, float, float, float | None], tuple[ModelError | None, tuple[Problem, ...]]]
+        Callable[
+            [C, float, float, float | None, bool], tuple[ModelError | None, tuple[Problem, ...]]
+        ]
         | None
     ) = None
     # What is doubtful of slip below a load, where the rung looks at that

@@ -53,6 +53,12 @@ class Detail:
         """Return the greatest effect on the energy at these forces from a share of mu N on."""
         return max(one for at, one in zip(FORCE_SHARES, self.energy, strict=True) if at >= share)
 
+    def energy_at(self, share: float) -> float:
+        """Return the same from any share on, between and beyond those forces, too."""
+        share = min(max(share, FORCE_SHARES[0]), FORCE_SHARES[-1])
+        here = np.interp(math.log(share), np.log(FORCE_SHARES), self.energy)
+        return max(float(here), self.energy_from(share))
+
 
 def effect_of_detail(
     first: FirstLoading,
