@@ -428,6 +428,47 @@ def test_a_bow_of_the_floor_is_said_where_hills_hide_it(floor_m, bow_m):
             assert np.ptp(remove_form(bow, "plane")[0].height_m) == pytest.approx(bow_m, rel=0.05)
 
 
+def polished(seed, bow, n_pits, deep):
+    """Return a face with a bow, in standard deviations of its roughness, and single pits in it."""
+    rng = np.random.default_rng(seed)
+    z, (y, x) = rng.standard_normal((120, 160)), np.mgrid[-1.0:1.0:120j, -1.0:1.0:160j]
+    z += bow * (x**2 + y**2)
+    z.flat[rng.choice(z.size, n_pits, replace=False)] -= deep
+    return HeightMap(1e-8 * z, (1e-5, 1e-5))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pits_that_carry_nothing_hide_no_bow(seed):
+    for n_pits in (0, 20, 200):
+        (said,) = problems_of_form(polished(seed, 6.0, n_pits, 80.0), 1e-8)
+        assert re.search(r"8\d% of the variance of the heights", said.message)
+        assert problems_of_form(polished(seed, 0.5, n_pits, 80.0), 1e-8) == []
+    # What goes down in many places is the texture of the face: who knows what lies beside it
+    assert problems_of_form(polished(seed, 6.0, 1000, 80.0), 1e-8) == []
+
+
+@pytest.mark.parametrize("seed", range(11200, 11230))
+def test_worn_waves_caps_and_lays_have_no_bow(seed):
+    rng, kind = np.random.default_rng(seed), seed % 5
+    width, n = rng.uniform(2.0, 10.0), (120, 160)
+
+    def waves(*lengths):
+        z = gaussian_filter(rng.standard_normal(n), lengths)
+        return z / z.std()
+
+    rough = 0.02 * waves(1.0, 1.0)
+    y, x = np.mgrid[: n[0], : n[1]]
+    tops = [(x - rng.uniform(8, 150)) ** 2 + (y - rng.uniform(8, 110)) ** 2 for _ in range(9)]
+    faces = (
+        waves(width, width),
+        np.minimum(w := waves(width, width), np.quantile(w, rng.uniform(0.02, 0.5))),
+        np.maximum(0.0, 1.0 - np.min(tops, axis=0) / 150.0),
+        waves(width, 5.0 * width),
+        np.where(rng.random(n) < 1e-3, -9.0, 0.1 * waves(width, width)),
+    )
+    assert problems_of_form(HeightMap(1e-7 * (faces[kind] + rough), (1e-5, 1e-5)), 1e-8) == []
+
+
 FORMS = [("quadratic", None), ("sphere", None), ("polynomial", 2), ("polynomial", 5)]
 
 

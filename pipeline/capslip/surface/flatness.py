@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from capslip.settings import Conditioning, Settings
 
 MOSTLY_FORM = 0.8  # of the variance of the heights
+NORMAL_OVER_MAD = 1.4826  # standard deviation of normal numbers over their median deviation
+PIT = 6.0  # robust standard deviations of what a bow leaves, below which a point carries nothing
+FEW_PITS = 0.02  # of the points: more of them are the texture of a face
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
 FEW_LINES = 50  # each way, that tell a bow of 5 % of the variance from none
 CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
@@ -189,7 +192,8 @@ def _bends_middle(surface: HeightMap, bow_m: np.ndarray) -> bool:
     Edges that are rounded, or worn, look like a bow, which the face between them does not have.
     """
     middle = tuple(slice(n // 4, n - n // 4) for n in surface.shape)
-    as_is_m, bent_m = surface.height_m[middle], (surface.height_m - bow_m)[middle]
+    bent_m = (surface.height_m - bow_m)[middle]
+    as_is_m = np.where(np.isfinite(bent_m), surface.height_m[middle], np.nan)
     try:
         left_m2 = [
             float(np.nanvar(remove_form(replace(surface, height_m=one_m), "plane")[0].height_m))
@@ -201,10 +205,26 @@ def _bends_middle(surface: HeightMap, bow_m: np.ndarray) -> bool:
 
 
 def _bow(surface: HeightMap) -> tuple[float, np.ndarray]:
-    """Return the share of the variance that a bow leaves, and that bow."""
+    """Return the share of the variance that a bow leaves, and that bow, NaN in pits.
+
+    A few of these, far below all that touches, would hide in the variance what decides above them.
+    """
     over_plane, over_bow = (one.height_m for one in level_and_straight(surface))
+    pits = _pits(over_bow)
+    if pits.any():
+        others = replace(surface, height_m=np.where(pits, np.nan, surface.height_m))
+        over_plane, over_bow = (one.height_m for one in level_and_straight(others))
     rest = float(np.nanvar(over_bow) / np.nanvar(over_plane))
     return rest, over_plane - over_bow
+
+
+def _pits(height_m: np.ndarray) -> np.ndarray:
+    """Tell which points lie far below the others, none where these are more than a few."""
+    up_m = height_m - np.nanmedian(height_m)
+    far_m = PIT * NORMAL_OVER_MAD * float(np.nanmedian(np.abs(up_m)))
+    pits = np.asarray(up_m < -far_m)
+    few = np.count_nonzero(pits) <= FEW_PITS * np.count_nonzero(np.isfinite(up_m))
+    return pits & few & (far_m > 0.0)
 
 
 def _bow_of_floor(surface: HeightMap) -> tuple[float, np.ndarray]:
