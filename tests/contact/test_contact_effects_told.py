@@ -207,7 +207,10 @@ def told(
         return by_map.get((code, maps[0].shape), by_map.get(code))
 
     contact = made_from and SimpleNamespace(
-        rung=SimpleNamespace(made_from=made_from), approach_m=2e-7, errors=errors
+        rung=SimpleNamespace(made_from=made_from),
+        approach_m=2e-7,
+        errors=errors,
+        stiffness_N_per_m=1e9,
     )
 
     def thinned(of_face, thinned):
@@ -317,6 +320,8 @@ def stated(energy):
         (hidden((0, 0.05, 0, 0), (0, 0.4, 0, 0)), None, COARSE),  # within the tolerance
         (hidden((0, 0.3, 0, 0), (0, 0.4, 0, 0), 0.06), None, COARSE),  # it matters anyway
         (None, stated(0.9), FINE),  # few points have no answer
+        (replace(moved((0.3,) * 4), stiffness_N_per_m=0.94e9), None, FINE),  # or another stiffness
+        (replace(moved((0.3,) * 4), stiffness_N_per_m=0.96e9), None, COARSE),
     ],
 )
 def test_few_points_that_do_not_tell_leave_it_to_all_of_them(few, errors, on):
@@ -324,7 +329,8 @@ def test_few_points_that_do_not_tell_leave_it_to_all_of_them(few, errors, on):
     by_map = {("bow_left", COARSE): few, ("bow_left", FINE): whole}
     ((one,), _) = told([Problem("bow_left", "warning", "x")], face(), {}, by_map, errors=errors)
     points = "all its points" if on == FINE else "fewer points"
-    assert one.message.endswith(f"(found on the map with {points}, bent by 3e-08 m)")
+    bow = "the bow of 3e-08 m that a form takes off its heights"
+    assert one.message.endswith(f"(found on the map with {points}, without {bow})")
     assert one.effect == (whole if on == FINE else few).effect
     if few is not None:  # all of them have no answer
         by_map[("bow_left", FINE)] = None

@@ -52,6 +52,7 @@ class _Moved:
     asked: float
     approach: float
     hidden: float  # by pixels: what may have moved, the most at forces that are asked for
+    stiffness_N_per_m: float = math.nan  # of the map that was changed, where one was
 
     @classmethod
     def by(
@@ -160,8 +161,8 @@ def _found_on_map(
 ) -> tuple[_Moved | None, str]:
     """Return what a doubt moves where the map answers, None where it does not, and on which maps.
 
-    On as few points as tell: on all of them where fewer have no answer, or where their pixels hide
-    more than the answer is said to be off by.
+    On as few points as tell: on all of them where fewer have no answer or another stiffness, or
+    where their pixels hide more than the answer is said to be off by.
     """
     if code in OF_THE_MAP:
         found = _effect_on_map(code, contact, peaks, face, OF_THE_MAP[code](face), least_share)
@@ -170,15 +171,22 @@ def _found_on_map(
     found = _effect_on_map(code, contact, peaks, face, maps, least_share)
     tolerance = face.settings.contact.tolerance
     stated = 0.0 if contact.errors is None else contact.errors.energy_at(least_share)
-    tells = found is not None and (
-        found.asked > tolerance or found.hidden <= max(tolerance, stated)
+    tells = (
+        found is not None
+        and (found.asked > tolerance or found.hidden <= max(tolerance, stated))
+        and not abs(found.stiffness_N_per_m / contact.stiffness_N_per_m - 1.0) > tolerance
     )
     if not tells and maps[0].shape != face.surface.shape:
         whole = OF_FEWER_POINTS[code](face, _all_points)
         of_all = _effect_on_map(code, contact, peaks, face, whole, least_share)
         if of_all is not None:
             found, maps, which = of_all, whole, "with all its points"
-    return found, f"{which}, bent by {_bent_m(maps):.3g} m" if code == "bow_left" else which
+    if code != "bow_left":
+        return found, which
+    bow_m = f"{_bent_m(maps):.3g} m"
+    if known_flatness_m(face.surface, face.settings) is not None:
+        return found, f"{which}, bent by {bow_m}"
+    return found, f"{which}, without the bow of {bow_m} that a form takes off its heights"
 
 
 def _all_points(surface: HeightMap) -> HeightMap:
@@ -314,9 +322,11 @@ def _effect_on_map(
         return None
     change, left = np.abs(np.array(after) / before - 1.0), np.max(of_pixels, axis=0)
     if code != JACKKNIFED:
-        return _Moved.by(change.max(axis=0)[:-1], least_share, of_pixels=left)
-    *moved, approach = standard_error(change)
-    return _Moved.by(np.array(moved), least_share, approach, left)
+        moved = _Moved.by(change.max(axis=0)[:-1], least_share, of_pixels=left)
+    else:
+        *of_each, approach = standard_error(change)
+        moved = _Moved.by(np.array(of_each), least_share, approach, left)
+    return replace(moved, stiffness_N_per_m=float(before[-2]))
 
 
 def _seen_noise_m(scene: Scene) -> float | None:
