@@ -466,6 +466,7 @@ def test_an_effect_on_the_map_is_the_greatest_of_all_maps_over_the_first():
     assert change(("pressed", 1, 2)).effect.energy == pytest.approx(0.5)
     assert change(("pressed", 1, 2)).effect.tangential_stiffness == pytest.approx(0.01)
     assert change((1, 2)).effect.energy == pytest.approx(1.0)  # the first is the measure
+    assert [change(maps).stiffness_N_per_m for maps in ((1, 2), (2, 1))] == [10.0, 10.1]
     one = change(("pressed", 2))
     assert (one.asked, one.approach) == (pytest.approx(0.5), 0.0)
     assert change(("pressed",)) is None  # nothing to compare
