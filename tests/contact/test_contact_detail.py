@@ -167,7 +167,7 @@ def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixel
         == pytest.approx(np.expm1(np.hypot(0.1, of_pixels)))
     )
     assert "a point leaves up to 11 %" in said.message
-    allowed = _noisy(f"{ALLOWED}4.1e-09 m", 0.1, of_pixels, TOLERANCE, less).message
+    allowed = noisy(f"{ALLOWED}4.1e-09 m", 0.1, of_pixels, TOLERANCE, less).message
     assert allowed.startswith("as much white noise as differences from pixel to pixel allow, 4.1e")
     assert ("its pixels up to" in said.message) == (of_pixels > TOLERANCE)
     assert ("smaller pixels" in said.step) == finer
