@@ -334,6 +334,7 @@ def test_a_row_holds_the_numbers_of_the_summary(batch, tmp_path):
         "answer_energy_J": answer["energy_J"],
         "answer_joint_loss_factor": answer["joint_loss_factor"],
         "answer_loss_factor": answer["loss_factor"],
+        "answer_total_loss_factor": answer["total_loss_factor"],
         **{
             f"answer_{stem}_{end}{unit}": (answer["interval"] or {}).get(name, (None, None))[i]
             for name, stem, unit in (
