@@ -22,7 +22,7 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named
-from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _off, deck
+from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _of_level, _off, deck
 from capslip.pressing import caps_hold
 from capslip.problems import Problem
 from capslip.settings import Settings
@@ -46,6 +46,34 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("law")
     EXPORT.write(analysis, folder)
     return analysis, folder
+
+
+YIELDS = ("material.hardness_Pa=1e7", "contact.model=interacting")
+
+
+@pytest.fixture(scope="module")
+def yielding(tmp_path_factory):
+    """Return the analysis of a face that yields, the folder of its law, and what is said of it."""
+    analysis = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=YIELDS))
+    folder = tmp_path_factory.mktemp("yielding")
+    return analysis, folder, EXPORT.write(analysis, folder)
+
+
+FOUND = {}
+
+
+def law_of(parts, *_):
+    """Return the law of parts, all of whose contacts are caps; found once of the same contacts."""
+    contacts = tuple(part.contact for part in parts)
+    if contacts not in FOUND:
+        FOUND[contacts] = law(parts, 0.2)
+    return FOUND[contacts]
+
+
+@pytest.fixture
+def same_law(monkeypatch):
+    """Write the same numbers, whatever else is said of them."""
+    monkeypatch.setattr("capslip.output.exports.law.law", law_of)
 
 
 def table(path):
@@ -289,14 +317,15 @@ def test_the_cards_of_scans_of_unlike_kappa_are_pressed_and_do_not_slide(of_two)
         for composite in [replace(part.contact.composite, kappa=kappa)]
     ]
     unlike, alike = (
-        cards_of(deck(law(of, 0.2), "calculix", []).splitlines()) for of in (parts, of_two[0].parts)
+        cards_of(deck(found, "calculix", []).splitlines())
+        for found in (law(parts, 0.2), law_of(of_two[0].parts))
     )
     np.testing.assert_allclose(unlike[:2], alike[:2], rtol=1e-12)
 
 
 def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
     """Each pressure has another curve, and both scans bear what is left of the one."""
-    elastic, yields = law(of_two[0].parts, 0.2), []
+    elastic, yields = law_of(of_two[0].parts), []
     for part in of_two[0].parts:
         curve, at_N = part.contact.curve, part.contact.preload_N
 
@@ -613,13 +642,10 @@ def test_the_law_of_a_balanced_face_says_what_another_level_does_under_less(writ
     assert abs(said[0, 1] - 1.0) > 0.2  # else nothing would have to be said
 
 
-def test_the_law_of_a_face_that_yields_says_what_another_level_does_under_less(tmp_path):
+def test_the_law_of_a_face_that_yields_says_what_another_level_does_under_less(yielding):
     """Each pressure was reached for the first time, at the level of the law and at its own."""
-    given = ("contact.model=interacting", "material.hardness_Pa=5e6")
     surface = capslip.load_surface(FACE)
-    analysis = analyze_once(surface, capslip.load_settings(overrides=given))
-    EXPORT.write(analysis, tmp_path)
-    said = level_against_analyses(analysis, tmp_path, surface, given, 0.05)
+    said = level_against_analyses(*yielding[:2], surface, YIELDS, 0.05)
     assert said[1, 0] > 1.5
 
 
@@ -627,7 +653,7 @@ def test_the_law_of_a_face_that_yields_says_what_another_level_does_under_less(t
 def test_the_law_of_a_map_says_what_another_level_does_under_less(tmp_path, hardness):
     given = ("contact.model=boundary_elements", *hardness)
     sets = (*given, "contact.nominal_pressure_Pa=1e6")
-    surface = noisy_waves()
+    surface = noisy_waves(2e-9)
     analysis = analyze_once(surface, capslip.load_settings(overrides=sets))
     EXPORT.write(analysis, tmp_path)
     said = level_against_analyses(analysis, tmp_path, surface, given, 0.05)
@@ -636,7 +662,7 @@ def test_the_law_of_a_map_says_what_another_level_does_under_less(tmp_path, hard
 
 def test_a_level_that_there_is_no_time_to_find_is_not_known(tmp_path):
     given = ("contact.model=boundary_elements", "contact.nominal_pressure_Pa=1e6")
-    analysis = analyze_once(noisy_waves(), capslip.load_settings(overrides=given))
+    analysis = analyze_once(noisy_waves(2e-9), capslip.load_settings(overrides=given))
     hurried = capslip.load_settings(overrides=(*given, "contact.time_limit_s=1e-6"))
     EXPORT.write(replace(analysis, settings=hurried), tmp_path)
     said = page_of(tmp_path)
@@ -647,16 +673,15 @@ def test_a_level_that_there_is_no_time_to_find_is_not_known(tmp_path):
 
 
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
-def test_a_level_that_stays_is_no_doubt(tmp_path, alignment):
+def test_a_level_that_stays_is_no_doubt(alignment):
     """Nine caps in a square, whose load point is in their middle, do not turn under any load."""
     caps = [(x, y, R, 0.0) for x, y, R, _ in CAPS]
     sets = (f"contact.alignment={alignment}", "contact.model=interacting")
     analysis = analyze_once(caps_map(caps, (240, 240)), capslip.load_settings(overrides=sets))
-    EXPORT.write(analysis, tmp_path)
-    assert not LEVEL.search(page_of(tmp_path))
+    assert _of_level(analysis, 0.01) == []
 
 
-def test_doubts_go_with_the_law(of_two, tmp_path):
+def test_doubts_go_with_the_law(of_two, tmp_path, same_law):
     """What makes an analysis doubtful stands in every file of its law that holds a page."""
     analysis = of_two[0].scans[0]
     doubt = Problem("contact_under_resolved", "warning", "the map is too coarse here")
@@ -668,7 +693,7 @@ def test_doubts_go_with_the_law(of_two, tmp_path):
 
 @pytest.mark.parametrize(("tolerance", "status"), [(1e-6, "check"), (0.9, "ok")])
 def test_the_status_of_a_law_counts_what_the_law_says_of_itself(
-    written, tmp_path, tolerance, status
+    written, tmp_path, same_law, tolerance, status
 ):
     analysis, _ = written
     contact = msgspec.structs.replace(analysis.settings.contact, tolerance=tolerance)
@@ -690,7 +715,7 @@ def test_the_status_of_a_law_counts_what_the_law_says_of_itself(
     assert all(f"- export_inexact: {message}" in page for message in warned)
 
 
-def test_a_folder_with_a_law_is_a_result_and_is_replaced(of_two, tmp_path):
+def test_a_folder_with_a_law_is_a_result_and_is_replaced(of_two, tmp_path, same_law):
     analysis = of_two[0].scans[0]
     light = {"figures": False, "render": False}
     capslip.write(analysis, tmp_path / "a", export="law", **light)
@@ -709,12 +734,10 @@ def test_without_slip_there_is_no_law(written, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
+def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(yielding):
     """At the pressure of the scan that of the analysis, at others after another first loading."""
-    overrides = ("material.hardness_Pa=1e7", "contact.model=interacting")
-    analysis = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=overrides))
-    found = EXPORT.write(analysis, tmp_path)
-    about, law = table(tmp_path / "law.csv")
+    analysis, folder, found = yielding
+    about, law = table(folder / "law.csv")
     assert "yielded at 0.01 GPa" in about
     assert "p what the faces recover on unloading (closure)" in " ".join(about.split())
     error, _, doubts = about.partition("What makes it doubtful:")
@@ -729,7 +752,7 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
     said = [problem for problem in found if problem.message.startswith("law.py differs")]
     assert [problem.severity for problem in said] == ["warning"] * (max(stated) > 0.05)
     assert all(f"{stated[1]:.1%} of w" in problem.message for problem in said)
-    tables = tables_of(json.loads((tmp_path / "law.json").read_text(encoding="utf-8")))
+    tables = tables_of(json.loads((folder / "law.json").read_text(encoding="utf-8")))
     area_m2, p0 = analysis.joint.scan_area_m2, analysis.joint.nominal_pressure_Pa
     mu, kappa = 0.2, analysis.contact.composite.kappa
     for p in (p0, 0.03 * p0, 0.26 * p0, 0.4 * p0, 0.3 * p0):
@@ -746,7 +769,7 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
     at_scan = np.isclose(law["pressure_Pa"], p0, rtol=1e-9)
     k_n = law["normal_stiffness_Pa_per_m"][at_scan][0]
     for file in DECKS.values():
-        rows = [line for line in (tmp_path / file).read_text().splitlines() if DATA.match(line)]
+        rows = [line for line in (folder / file).read_text().splitlines() if DATA.match(line)]
         cards = np.array([line.split(", ") for line in rows[:-1]], dtype=float)
         assert (np.diff(cards, axis=0) > 0.0).all()
         assert cards[0].tolist() == [0.0, 0.0]
