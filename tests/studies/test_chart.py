@@ -42,12 +42,15 @@ def results():
 
 
 def half(case):
-    """Return a case on half of the face, as fine and as heavily loaded per cap."""
+    """Return a case on half of the face, as loaded per cap; pixels of caps twice as wide."""
     scene, (ny, nx) = case.scene, case.scene.shape
     families = [replace(one, count=max(1, one.count // 2)) for one in scene.families]
     if len(families) > 4:  # each cap is a family of its own
         families = families[::2]
     small = replace(scene, shape=(ny // 2, nx), families=tuple(families))
+    if case.group == "caps":  # whose contacts are some 60 pixels across
+        pixel_m = tuple(2.0 * side_m for side_m in scene.pixel_size_m)
+        small = replace(small, shape=(ny // 4, nx // 2), pixel_size_m=pixel_m)
     return replace(case, scene=small, preload_N=0.5 * case.preload_N)
 
 
