@@ -1,6 +1,7 @@
 """Families on a common plane that is found with them."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -101,6 +102,12 @@ def test_stray_hills_are_said_to_be_a_level_of_their_own(seed, stray_m):
     assert G.peak_height_m - P.peak_height_m == pytest.approx(H_M, rel=0.02)
 
 
+@cache
+def as_they_lie(seed):
+    x_m, y_m, height_m = peaks(seed, 4, 9, 0.1 * H_M)
+    return x_m, y_m, height_m, find_levels(x_m, y_m, height_m)
+
+
 @settings(deadline=None)  # of another load on the machine
 @given(
     seed=st.integers(0, 20),
@@ -111,8 +118,7 @@ def test_stray_hills_are_said_to_be_a_level_of_their_own(seed, stray_m):
 def test_a_plane_added_to_the_heights_moves_the_slopes_and_nothing_else(
     seed, slope_x, slope_y, rise_m
 ):
-    x_m, y_m, height_m = peaks(seed, 4, 9, 0.1 * H_M)
-    one = find_levels(x_m, y_m, height_m)
+    x_m, y_m, height_m, one = as_they_lie(seed)
     other = find_levels(x_m, y_m, height_m + slope_x * x_m + slope_y * y_m + rise_m)
     for a, b in zip(one.clusters.sizes, other.clusters.sizes, strict=True):
         assert a.tolist() == b.tolist()
