@@ -160,15 +160,17 @@ def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pix
 @pytest.mark.parametrize(("of_pixels", "finer"), [(0.04, False), (0.08, False), (0.3, True)])
 def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixels, finer):
     less = less_noise(0.1 / TOLERANCE, None, 1e-4)
-    said = noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, less)
+    said = noisy("noise of 2e-09 m a point", 0.1, of_pixels, TOLERANCE, less)
     assert (
         said.effect.energy
         == said.effect.loss_factor
         == pytest.approx(np.expm1(np.hypot(0.1, of_pixels)))
     )
     assert "a point leaves up to 11 %" in said.message
-    allowed = noisy(f"{ALLOWED}4.1e-09 m", 0.1, of_pixels, TOLERANCE, less).message
-    assert allowed.startswith("as much white noise as differences from pixel to pixel allow, 4.1e")
+    allowed = noisy(ALLOWED.format(4.1e-9), 0.1, of_pixels, TOLERANCE, less).message
+    assert allowed.startswith(
+        "as much white noise as differences from pixel to pixel allow, 4.1e-09 m a point, leaves up"
+    )
     assert ("its pixels up to" in said.message) == (of_pixels > TOLERANCE)
     assert ("smaller pixels" in said.step) == finer
     assert ("=0.0005" in said.step) != finer  # a filter of five pixels

@@ -54,7 +54,7 @@ LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that ar
 OF_APART = 0.3
 STIFFNESS_MISSED = 0.4  # of what they miss in the energy at three quarters, in the stiffness
 # It bounds the noise of the highest points, where that of all neighbours holds roughness as well
-ALLOWED = "as much white noise as differences from pixel to pixel allow, "
+ALLOWED = "as much white noise as differences from pixel to pixel allow, {:.2g} m a point,"
 NOTHING = 1e-12  # stands for an error of zero in a logarithm
 NOTHING_MISSED = 2e-4  # of the approach: it moves the energy by a tenth of `LEAST_ERROR`
 # Of mu N, at which the effect of given noise is solved: slopes of the pressures lie between them
@@ -123,7 +123,7 @@ class _Seen:
         if not any(one.severity == "warning" for one in found):
             if of_noise > tolerance:
                 counted_m = self.causes.noise_m
-                of = f"noise of {noise_m:.2g} m" if noise_m else f"{ALLOWED}{counted_m:.2g} m"
+                of = f"noise of {noise_m:.2g} m a point" if noise_m else ALLOWED.format(counted_m)
                 white = None if noise_m else counted_m
                 scan = self.taken, self.pixel_m, white, self.faces, self.filtered
                 less = less_noise(of_noise / tolerance, *scan)

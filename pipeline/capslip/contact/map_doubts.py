@@ -124,7 +124,7 @@ def noisy(
     """Return what noise leaves at a share of mu N, with its pixels where these leave much."""
     moved = share_of(math.hypot(of_noise, of_pixels))
     message = (
-        f"{noise} a point leaves up to {off_by(of_noise)} in the energy per cycle "
+        f"{noise} leaves up to {off_by(of_noise)} in the energy per cycle "
         f"at {percent(share)} of the force at gross slip"
     )
     if of_pixels > tolerance:
