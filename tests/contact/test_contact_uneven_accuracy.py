@@ -49,7 +49,8 @@ def joint_of(load_N, weight):
 def states(load_N, found=LIGHT, says=OF_LIGHT):
     asked = []
 
-    def error(curve, load_N, tolerance, noise_m):
+    def error(curve, load_N, tolerance, noise_m, filtered):
+        assert not filtered
         asked.append((load_N, tolerance, noise_m))
         if found is None:
             raise ContactError("too few pixels")
