@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from capslip.contact.solvers import refinement
 from scenes import SCANS
 
 DEAR = (
@@ -27,6 +28,15 @@ def scans():
     if not SCANS.is_dir():
         pytest.skip("the folder of real scans is not beside the project")
     return SCANS
+
+
+@pytest.fixture
+def fewer_points(monkeypatch):
+    """Refine contacts to half as many points across, a quarter in all.
+
+    For truths that hold on any points: of two ways to one state, both of which are solved on them.
+    """
+    monkeypatch.setattr(refinement, "_WIDE", 0.5 * refinement._WIDE)
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from capslip.contact.joint import Joint, knowing_levels
 from capslip.contact.material import yield_law
 from capslip.contact.press import ContactState, press
 from capslip.contact.reach import reachable
-from capslip.contact.rung import ModelError, made_from, rung
+from capslip.contact.rung import ModelError, asked_of_error, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.uneven_accuracy import (
     error_of_joint,
@@ -366,9 +366,8 @@ def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDo
     """
     if contact.rung.error is not None:
         noise_m = known_noise_m(face.conditioned.surface, settings)
-        filtered = settings.conditioning.s_filter_nesting_index_m is not None
-        known = settings.contact.tolerance, noise_m, filtered
-        errors, doubts = contact.rung.error(contact.curve, contact.preload_N, *known)
+        asked = asked_of_error(settings, noise_m)
+        errors, doubts = contact.rung.error(contact.curve, contact.preload_N, *asked)
         return replace(contact, errors=errors), doubts
     given = _settings_of(face, contact, settings, contact.rung.name)
     error, moved, doubts = estimate_error(*_caps_of(face), given)

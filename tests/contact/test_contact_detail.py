@@ -14,7 +14,7 @@ from capslip.contact.map_accuracy import (
     _left_by_detail,
     error_of_map,
 )
-from capslip.contact.map_doubts import ASKED, less_noise, noisy, of_detail
+from capslip.contact.map_doubts import ASKED, doubted_of, less_noise, noisy, of_detail
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.contact.solvers.detail import FirstLoading
@@ -133,7 +133,7 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
     """Noise that the filter takes off by 0.63 moves 1 / 0.63 as much, and no more is noise."""
     effect = Effect(0.01, 0.2, 0.2)
     of_map = detail.Detail(effect, share, (0.2, 0.04, 0.03, 0.02))
-    (said,), factor = of_detail(of_map, 0.0, TOLERANCE, 1e-4, True)
+    (said,), factor = of_detail(of_map, 0.0, TOLERANCE, 1e-4, True), doubted_of(of_map)
     assert (said.code, said.severity, said.effect) == ("detail_decides", severity, effect)
     assert factor == pytest.approx(share / 0.63)
     assert (factor * 0.04 > TOLERANCE) == (severity == "warning")
@@ -147,7 +147,7 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
 def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pixels, told, energy):
     """Whoever reads of 4 % would not know why the interval has 36."""
     of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
-    (said,), _ = of_detail(of_map, of_pixels, TOLERANCE, 1e-4, of_pixels < 0.1)
+    (said,) = of_detail(of_map, of_pixels, TOLERANCE, 1e-4, of_pixels < 0.1)
     assert (said.severity, said.effect) == ("warning", Effect(0.2, energy, energy))
     assert ("pixels leave up to" in said.message) == (told is not None)
     assert ("instrument.noise_m" in said.step) == (of_pixels > 0.1)  # where it is not known
@@ -271,7 +271,7 @@ def test_where_a_filter_is_set_no_other_one_is_a_way_out():
     of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
     for of_pixels in (0.31, 0.05):
         for known in (True, False):
-            (said,), _ = of_detail(of_map, of_pixels, TOLERANCE, 1e-4, known, filtered=True)
+            (said,) = of_detail(of_map, of_pixels, TOLERANCE, 1e-4, known, filtered=True)
             assert "s_filter" not in said.step
             assert ("instrument.noise_m" in said.step) != known
             assert said.step.lower().startswith("scan with smaller pixels") == (
@@ -289,7 +289,7 @@ def test_what_is_doubted_at_a_force_is_what_is_left_there_and_no_more_is_asked_b
     of_map = detail.Detail(Effect(0.02, 0.5, 0.5), 0.63, (0.5, 0.4, 0.2, 0.04))
     told = {}
     for share in (0.25, 0.4, 0.5, 0.75, 1.0):
-        (said,), _ = of_detail(of_map, 0.0, TOLERANCE, 1e-4, True, share)
+        (said,) = of_detail(of_map, 0.0, TOLERANCE, 1e-4, True, share)
         told[share] = said.severity, said.effect.energy
     assert told[0.25] == ("warning", 0.5)  # from a tenth on, as where nothing is asked
     assert told[0.5] == ("warning", 0.2)
@@ -297,7 +297,7 @@ def test_what_is_doubted_at_a_force_is_what_is_left_there_and_no_more_is_asked_b
     at = np.log((0.25, 0.4, 0.5))
     assert told[0.4] == ("warning", pytest.approx(np.interp(at[1], at[::2], (0.4, 0.2))))
     for share in (0.7, 1.0):
-        (said,), _ = of_detail(of_map, 0.9, 0.001, 1e-4, True, share)
+        (said,) = of_detail(of_map, 0.9, 0.001, 1e-4, True, share)
         assert f"at {100 * share:.0f} % of gross slip" in said.message
         assert ("ask at a greater force" in said.step) == (share < 1.0)
 

@@ -18,7 +18,6 @@ from capslip.contact.models.caps import caps
 from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import slip_curve
-from capslip.contact.solvers import refinement
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.contact.varying_load import varying
 from capslip.settings import Question, load_settings
@@ -446,12 +445,6 @@ def test_a_map_is_followed_down_from_its_preload_alone():
     )
     assert list(curve.solutions.unloading) == [N]
     assert found.left_out == ("error of the model", "noise of the map that pixels share")
-
-
-@pytest.fixture
-def fewer_points(monkeypatch):
-    """Refine contacts to half as many points across: both ways to one state are solved on them."""
-    monkeypatch.setattr(refinement, "_WIDE", 0.5 * refinement._WIDE)
 
 
 @pytest.mark.usefixtures("fewer_points")

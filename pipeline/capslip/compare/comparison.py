@@ -6,7 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from capslip.compare.identification import Identified, friction_and_preload, remarks_on
+from capslip.compare.identification import (
+    Identified,
+    friction_and_preload,
+    not_resolved,
+    remarks_on,
+)
 from capslip.compare.measurement import Measurement, joint_share, load_measurement
 from capslip.compare.model import JointModel, load_model
 from capslip.structure.stiffness import is_given, structure_name
@@ -156,10 +161,8 @@ def compare(
     from_m = model.resolved_from_m(friction_coefficient, preload_N)
     counted = v_m >= from_m
     if unresolved := int((usable & ~counted).sum()):
-        remarks.append(
-            f"{unresolved} of {v_m.size} points lie below {readable(f'{from_m:.3g} m')}, where "
-            "less slips than the pixels of the map resolve: no misfit is given there"
-        )
+        below = not_resolved(unresolved, v_m.size, from_m)
+        remarks.append(f"{below}: no misfit is given there")
     curve_m = np.geomspace(v_m[0], v_m[-1], N_CURVE) if v_m[0] < v_m[-1] else v_m[:1]
     identified, curve_identified = None, None
     if identify:

@@ -305,6 +305,14 @@ class _Search:
         return np.asarray(np.log(loss_factor / self.joint_loss_factor))
 
 
+def not_resolved(count: int, of: int, from_m: float) -> str:
+    """Say how many points lie below the amplitude from which the slip of a map is resolved."""
+    return (
+        f"{count} of {of} points lie below {readable(f'{from_m:.3g} m')}, where less slips than "
+        "the pixels of the map resolve"
+    )
+
+
 def remarks_on(found: Identified) -> list[str]:
     """Return what the uncertainties do not hold, and whether the two can be told apart."""
     remarks = [
@@ -313,12 +321,9 @@ def remarks_on(found: Identified) -> list[str]:
         "where it had another preload, analyse at the one found and compare again"
     ]
     if found.unresolved:
-        below = readable(f"{found.resolved_from_m:.3g} m")
-        remarks.append(
-            f"{found.unresolved} of {found.unresolved + found.points} points lie below {below}, "
-            "where less slips than the pixels of the map resolve: they were left out of the "
-            "identification"
-        )
+        counts = found.unresolved, found.unresolved + found.points
+        below = not_resolved(*counts, found.resolved_from_m)
+        remarks.append(f"{below}: they were left out of the identification")
     if found.rms_log_ratio > MISSED:
         missed = math.exp(found.rms_log_ratio)
         remarks.append(

@@ -119,7 +119,7 @@ class _Seen:
         tolerance, noise_m = self.tolerance, self.noise_m
         of_pixels, of_noise = self.causes.at_any(asked)
         given = self.detail, of_pixels, tolerance, self.pixel_m, noise_m is not None
-        found, _ = of_detail(*given, asked, self.filtered)
+        found = of_detail(*given, asked, self.filtered)
         if not any(one.severity == "warning" for one in found):
             if of_noise > tolerance:
                 counted_m = self.causes.noise_m

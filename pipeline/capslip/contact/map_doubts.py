@@ -25,16 +25,16 @@ def of_detail(
     noise_known: bool,
     share: float = ASKED,
     filtered: bool = False,
-) -> tuple[list[Problem], float]:
-    """Return what there is to say of the finest detail, and its error over its effect.
+) -> list[Problem]:
+    """Return what there is to say of the finest detail.
 
     Of that as much is doubted as may be of white noise: noise moves more than the filter takes off
     of it, and what changes less from pixel to pixel than noise does is the face's own. Where a
     share of mu N beyond a quarter is asked for, the effect is that from there on.
     """
-    effect, factor = detail.effect, doubted_of(detail)
+    effect = detail.effect
     if effect.greatest <= tolerance:
-        return [], factor
+        return []
     said = (
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
@@ -44,13 +44,13 @@ def of_detail(
         effect = replace(effect, energy=asked, loss_factor=asked)
     if of_pixels <= tolerance and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
-        return [Problem("detail_decides", "info", message, effect)], factor
-    if (most := factor * max(effect.tangential_stiffness or 0.0, asked)) <= tolerance:
+        return [Problem("detail_decides", "info", message, effect)]
+    if (most := doubted_of(detail) * max(effect.tangential_stiffness or 0.0, asked)) <= tolerance:
         message = (
             f"{said}, by no more than {asked:.1%} from {percent(share)} of gross slip on; noise as "
             f"its differences from pixel to pixel allow moves up to {most:.1%} there"
         )
-        return [Problem("detail_decides", "info", message, effect)], factor
+        return [Problem("detail_decides", "info", message, effect)]
     if share > ASKED:
         said += f", and that by {asked:.1%} from {percent(share)} of gross slip on"
     message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
@@ -64,11 +64,9 @@ def of_detail(
         left = f"{off_by(of_pixels)} in the energy at {percent(share)} of gross slip"
         message += f"; pixels leave up to {left}"
         ways.insert(0, unresolved("warning", share, of_pixels).advice)
-    step = "; ".join(ways)
-    if of_pixels > max(tolerance, asked):
         energy = max(effect.energy or 0.0, share_of(of_pixels))
         effect = replace(effect, energy=energy, loss_factor=energy)
-    return [Problem("detail_decides", "warning", message, effect, step)], factor
+    return [Problem("detail_decides", "warning", message, effect, "; ".join(ways))]
 
 
 def doubted_of(detail: Detail) -> float:

@@ -17,7 +17,7 @@ from capslip.contact.flattening import flattened, left_m, loaded_first
 from capslip.contact.lay import Lay
 from capslip.contact.map_doubts import ASKED
 from capslip.contact.material import Composite, composite
-from capslip.contact.rung import Contacts, ModelError, Rung, Scene, rung
+from capslip.contact.rung import Contacts, ModelError, Rung, Scene, asked_of_error, rung
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.varying_load import greatest_over_mean
 from capslip.errors import ContactError
@@ -268,9 +268,7 @@ def press(  # long: one state, field by field
     problems += problems_of_closing(found, surface.measured_area_m2)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
-        filtered = settings.conditioning.s_filter_nesting_index_m is not None
-        known = settings.contact.tolerance, scene.noise_m, filtered
-        errors, doubts = model.error(curve, preload_N, *known)
+        errors, doubts = model.error(curve, preload_N, *asked_of_error(settings, scene.noise_m))
         better = choice.caps_within(of_map := _by_detail(errors, doubts))
         if better is not None:
             return _by_caps(better, doubts, of_map, (caps, families, surface), settings)

@@ -226,6 +226,12 @@ def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:
     return surface.centre_m
 
 
+def asked_of_error(settings: Settings, noise_m: float | None) -> tuple[float, float | None, bool]:
+    """Return what the error of a rung is asked with, after its curve and the load."""
+    filtered = settings.conditioning.s_filter_nesting_index_m is not None
+    return settings.contact.tolerance, noise_m, filtered
+
+
 def turning_stiffness(settings: Settings) -> float:
     """Return what holds the face against a tilt, in N m/rad; infinite as levelled."""
     contact = settings.contact

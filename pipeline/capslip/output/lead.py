@@ -161,6 +161,18 @@ def _range(
     return f"above {text}, no upper bound" if high is None else f"{text} to {end.format('high')}"
 
 
+def on_own_plane(summary: dict[str, Any]) -> bool:
+    """Tell whether the families were counted on a plane that has other caps than the pressed one.
+
+    Tables and pictures hold the latter.
+    """
+    families, hills = summary["families"], summary["hills"]
+    return hills is not None and hills["caps"] not in (
+        None,
+        (families["m"] or 0) + (families["n"] or 0),
+    )
+
+
 def mating_of(steps: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
     """Return what made one map of two faces; None where there is one face."""
     return next((step for step in steps if step["step"] == "mating"), None)

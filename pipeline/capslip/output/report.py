@@ -21,6 +21,7 @@ from capslip.output.lead import (
     effect_text,
     joint_line,
     mating_of,
+    on_own_plane,
     oscillates,
 )
 from capslip.output.methods import citation, limits, methods_paragraph, references
@@ -215,8 +216,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     if damping["first_peak_loss_factor"] is not None:
         peak += "; a first maximum of {first_peak_loss_factor} at {amplitude_at_first_peak_m}"
     uneven = UNEVEN if contact["pressure_classes"] > 1 else ""
-    of, on_map = summary["families"], (summary["hills"] or {}).get("caps")
-    others = "" if on_map in (None, (of["m"] or 0) + (of["n"] or 0)) else OTHERS
+    of, others = summary["families"], OTHERS if on_own_plane(summary) else ""
     families: tuple[tuple[Fact, str], ...] = (
         (("G-caps m, P-caps n", "{m}, {n}"), f"families by peak height{others and OWN + others}"),
         ("h_m", "G-peaks above P-peaks"),
@@ -456,7 +456,7 @@ def _groups_of_face(
         each = (("Sq of each face", both),)
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["hills"]["rejected"].items())
     family = {name: FAMILY.format(name) if families[name] else "none" for name in "GP"}
-    own = "" if (families["m"] or 0) + (families["n"] or 0) == summary["hills"]["caps"] else OWN
+    own = OWN if on_own_plane(summary) else ""
     of_families: tuple[Fact, ...] = (
         (f"G-caps{own}", family["G"]),
         (f"P-caps{own}", family["P"]),

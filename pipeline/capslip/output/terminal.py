@@ -6,7 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from capslip.errors import printable
-from capslip.output.lead import OF_FACES, answer_lines, assumed_lines, joint_line, mating_of
+from capslip.output.lead import (
+    OF_FACES,
+    answer_lines,
+    assumed_lines,
+    joint_line,
+    mating_of,
+    on_own_plane,
+)
 from capslip.output.quantity import engineering
 from capslip.output.rows import UNEVEN, Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
@@ -58,8 +65,7 @@ def result_lines(analysis: JointResult) -> str:
     of = summary["families"]
     one = of["G"] is not None and of["P"] is None
     of_scan = isinstance(analysis, Analysis)
-    on_own = of_scan and (of["m"] or 0) + (of["n"] or 0) != summary["hills"]["caps"]
-    families = FAMILIES + (OWN_PLANE if on_own else "")
+    families = FAMILIES + (OWN_PLANE if on_own_plane(summary) else "")
     texts = [*([HILLS] if of_scan else []), ONE_FAMILY if one else families]
     if isinstance(analysis, JointOfScans):
         texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]

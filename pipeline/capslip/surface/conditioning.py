@@ -227,8 +227,8 @@ def _sloped(surface: HeightMap, slope: tuple[float, float]) -> HeightMap:
 
 def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:
     # From the edge of what was measured: a frame of other points is no part of the face
-    (y, x), (dy_m, dx_m) = surface.measured_window, surface.pixel_size_m
-    ny, nx = y.stop - y.start, x.stop - x.start
+    scan_m, (dy_m, dx_m) = surface.height_m[surface.measured_window], surface.pixel_size_m
+    ny, nx = scan_m.shape
     shorter_m = min(ny * dy_m, nx * dx_m)
     if 0.0 < edge_trim_m < 0.5 * shorter_m:
         trim_y, trim_x = (math.ceil(edge_trim_m / size_m - 1e-9) for size_m in (dy_m, dx_m))
@@ -239,11 +239,7 @@ def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[st
             f"conditioning.edge_trim_m: got {edge_trim_m:g}; expected above 0 and less than half "
             f"the shorter side ({shorter_m:g} m), so that three points are left"
         )
-    rows, columns = (
-        slice(y.start + trim_y, y.stop - trim_y),
-        slice(x.start + trim_x, x.stop - trim_x),
-    )
-    inner = surface.height_m[rows, columns]
+    inner = scan_m[trim_y : ny - trim_y, trim_x : nx - trim_x]
     return replace(surface, height_m=inner), {"step": "edge_trim", "points": [trim_y, trim_x]}
 
 

@@ -11,12 +11,12 @@ from capslip.surface.blocks import block_means, few_lines
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.form import FLOOR_SHARE, ROUNDING, level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import MEDIAN_OF_NORMAL
 
 if TYPE_CHECKING:
     from capslip.settings import Conditioning, Settings
 
 MOSTLY_FORM = 0.8  # of the variance of the heights
-NORMAL_OVER_MAD = 1.4826  # standard deviation of normal numbers over their median deviation
 PIT = 6.0  # robust standard deviations of what a bow leaves, below which a point carries nothing
 FEW_PITS = 0.02  # of the points: more of them are the texture of a face
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
@@ -221,7 +221,7 @@ def _bow(surface: HeightMap) -> tuple[float, np.ndarray]:
 def _pits(height_m: np.ndarray) -> np.ndarray:
     """Tell which points lie far below the others, none where these are more than a few."""
     up_m = height_m - np.nanmedian(height_m)
-    far_m = PIT * NORMAL_OVER_MAD * float(np.nanmedian(np.abs(up_m)))
+    far_m = PIT * float(np.nanmedian(np.abs(up_m))) / MEDIAN_OF_NORMAL
     pits = np.asarray(up_m < -far_m)
     few = np.count_nonzero(pits) <= FEW_PITS * np.count_nonzero(np.isfinite(up_m))
     return pits & few & (far_m > 0.0)
