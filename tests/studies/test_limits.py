@@ -14,16 +14,18 @@ import capslip
 from capslip.analysis import analyze_once
 from capslip.caps.table import CapFlag
 from capslip.contact.rung import load_point_m
+from capslip.contact.solvers import refinement
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import synthetic_surface
-from capslip.studies.limits.axes import axes
+from capslip.studies.limits.axes import axes as made_axes
 from capslip.studies.limits.case import Axis, clean
 from capslip.studies.limits.known import slip_of_true_caps
 from capslip.studies.limits.measure import BREAKDOWN, _estimates, _severities, measure
 from capslip.studies.limits.study import FRESH_SEED, limits
 from capslip.studies.limits.tries import harmless_faces
 
+axes = cache(made_axes)  # which lays many faces to find how they tilt
 DOCS = Path(__file__).parents[2] / "docs"
 SOURCE = Path(capslip.__file__).parent
 # What stands in the braces of the codes that are put together
@@ -54,6 +56,13 @@ def thinned(axis):
 
 @pytest.fixture(scope="module")
 def found():
+    """On half as many points across a contact: no error is as small as what that changes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refinement, "_WIDE", 0.5 * refinement._WIDE)
+        return measured_thinned()
+
+
+def measured_thinned():
     return measure([thinned(axis) for axis in axes() if axis.name not in TOO_DEAR], ("default",))
 
 
@@ -93,16 +102,17 @@ def test_the_codes_that_name_a_cause_are_those_of_the_program():
 
 
 def test_another_seed_gives_other_faces_of_the_same_kinds():
-    ours, theirs, others = axes(), axes(0), axes(1)
-    for axis, same, other in zip(ours, theirs, others, strict=True):
+    ours, theirs, others = axes(), made_axes(0), axes(1)
+    for i, (axis, same, other) in enumerate(zip(ours, theirs, others, strict=True)):
         assert (axis.name, axis.codes) == (other.name, other.codes)
         if axis.name != "levelling":  # how far the places tilt a plane is up to them
             assert [case.severity for case in axis.cases] == [c.severity for c in other.cases]
-        for one, two, three in zip(axis.cases[:2], same.cases, other.cases, strict=False):
-            if axis.name in TOO_DEAR:
-                continue
-            np.testing.assert_array_equal(scan_of(one), scan_of(two))
-            assert (scan_of(one) != scan_of(three)).mean() > 0.01
+        if axis.name in TOO_DEAR:
+            continue
+        # Most axes begin with the same faces: each is looked at on every other axis
+        one, two, three = (of.cases[i % 2] for of in (axis, same, other))
+        np.testing.assert_array_equal(scan_of(one), scan_of(two))
+        assert (scan_of(one) != scan_of(three)).mean() > 0.01
 
 
 made = cache(synthetic_surface)  # most axes change the same few faces
@@ -197,7 +207,7 @@ def test_no_estimate_is_blamed_for_what_the_truth_is_unsure_of():
 
 def test_rows_of_two_processes_are_those_of_one():
     axis = next(axis for axis in axes() if axis.name == "gross slip")
-    few = [replace(axis, cases=axis.cases[:3])]
+    few = [replace(axis, cases=axis.cases[:2])]
     told = []
     alone, shared = measure(few, ("default",)), measure(few, ("default",), told.append, workers=2)
     assert [run["name"] for run in alone["runs"]] == [case.name for case in few[0].cases]
@@ -205,7 +215,7 @@ def test_rows_of_two_processes_are_those_of_one():
         assert one.pop("seconds") > 0.0
         assert other.pop("seconds") > 0.0
         assert one == other
-    assert told[-1] == "3 of 3 cases, 0 silent"
+    assert told[-1] == "2 of 2 cases, 0 silent"
 
 
 def stretched(surface, factor):
@@ -213,7 +223,11 @@ def stretched(surface, factor):
 
 
 def test_the_files(tmp_path, monkeypatch):
-    few = [thinned(axis) for axis in axes() if axis.name in ("gross slip", "low load")]
+    few = [
+        replace(axis, cases=axis.cases[-1:])
+        for axis in axes()
+        if axis.name in ("gross slip", "low load")
+    ]
     asked = []
 
     def some(seed=0):
