@@ -22,12 +22,32 @@ console.error = console.warn = (...words) => faults.push(words.join(" "));</scri
 ASK = """<script>addEventListener("load", () => setTimeout(() => {
 let found;
 try { found = (() => { %s })(); } catch (error) { faults.push(String(error)); }
-const said = document.createElement("script");
-said.type = "text/plain"; said.id = "said";
-said.textContent = JSON.stringify({ found, faults,
-  loaded: performance.getEntriesByType("resource").map((one) => one.name) });
-document.body.append(said);
+const told = { found, faults,
+  loaded: performance.getEntriesByType("resource").map((one) => one.name) };
+%s
 }, 300));</script>"""
+SAY = """const said = document.createElement("script");
+said.type = "text/plain"; said.id = "said"; said.textContent = JSON.stringify(told);
+document.body.append(said);"""
+TELL = 'parent.postMessage(told, "*");'
+EACH = """<!DOCTYPE html><html><body style="margin: 0"><script>
+const frames = FRAMES, answers = [], frame = document.createElement("iframe");
+frame.style.cssText = "border: 0; height: 900px";
+const next = () => {
+  const [page, width] = frames[answers.length];
+  frame.style.width = width + "px"; frame.src = page;
+};
+addEventListener("message", (one) => {
+  const told = answers.push(one.data);
+  if (told < frames.length) { next(); return; }
+  frame.remove();
+  const said = document.createElement("script");
+  said.type = "text/plain"; said.id = "said"; said.textContent = JSON.stringify(answers);
+  document.body.append(said);
+});
+document.body.append(frame); next();
+</script></body></html>"""
+LONGER = "--virtual-time-budget=30000"
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium-headless-shell is not here")
 
 
@@ -44,19 +64,46 @@ def _run(folder, flags, page):
 
 def ask(page, script, folder, size=(1400, 900), flags=()):
     """Run the body of a function in a page; return what it returns. A fault in the page fails."""
-    text = page.read_text("utf-8")
-    text = text.replace("<head>", "<head>" + CATCH, 1)
-    text = text.replace("</body>", ASK % script + "</body>", 1)
     copy = folder / "asked.html"
-    copy.write_text(text, "utf-8")
+    copy.write_text(_asking(page, script), "utf-8")
     size = f"--window-size={size[0]},{size[1]}"
-    dom = _run(folder, (size, "--dump-dom", *flags), copy)
+    return _answer(_said(_run(folder, (size, "--dump-dom", *flags), copy)))
+
+
+def ask_each(page, scripts, folder):
+    """Return what each of several scripts finds, by its name: each in a page of its own.
+
+    Their frames are 1400 points wide, or as wide as is given beside a script. They are loaded one
+    after the other by one browser, which takes a second to start.
+    """
+    given = {name: (of, 1400) if isinstance(of, str) else of for name, of in scripts.items()}
+    frames = []
+    for i, (script, width) in enumerate(given.values()):
+        part = folder / f"asked_{i}.html"
+        part.write_text(_asking(page, script, TELL), "utf-8")
+        frames.append([part.as_uri(), width])
+    copy = folder / "asked.html"
+    copy.write_text(EACH.replace("FRAMES", json.dumps(frames)), "utf-8")
+    found = _said(_run(folder, ("--window-size=1400,900", "--dump-dom", LONGER), copy))
+    assert len(found) == len(given), "a page did not get as far as its answer"
+    return dict(zip(given, map(_answer, found), strict=True))
+
+
+def _asking(page, script, tell=SAY):
+    text = page.read_text("utf-8").replace("<head>", "<head>" + CATCH, 1)
+    return text.replace("</body>", ASK % (script, tell) + "</body>", 1)
+
+
+def _said(dom):
     said = re.search(r'<script type="text/plain" id="said">(.*?)</script>', dom, re.DOTALL)
     assert said, "the page did not get as far as its answer"
-    answer = json.loads(said[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
-    assert answer["faults"] == []
-    assert answer["loaded"] == []  # nothing from elsewhere
-    return answer.get("found")
+    return json.loads(said[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
+
+
+def _answer(said):
+    assert said["faults"] == []
+    assert said["loaded"] == []  # nothing from elsewhere
+    return said.get("found")
 
 
 def picture(page, folder, script="", size=(1400, 900), flags=()):

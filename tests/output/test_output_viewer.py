@@ -13,7 +13,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from browser import ask, needs_chromium, picture
+from browser import ask, ask_each, needs_chromium, picture
 from capslip.errors import OutputError
 from capslip.output import viewer
 from capslip.output.picture import Look, state_line
@@ -37,6 +37,49 @@ def folder(tmp_path_factory):
 def page(folder):
     write_viewer(folder, folder / "view.html")
     return folder / "view.html"
+
+
+STATES = [(1.0, 0.0), (1.0, 0.4), (1.0, 0.93), (0.4, 0.6), (0.02, 0.1), (1.0, 1.0)]
+COUNTS = f"return {[list(s) for s in STATES]}.map((s) => window.capslipViewer.counts(...s))"
+FORCE = (
+    "const s = window.capslipViewer.sliders.force; s.value = 0.6;"
+    's.dispatchEvent(new Event("input"))'
+)
+SAY = 'document.querySelector(".viewer").innerText'
+FIRST = (
+    "const v = window.capslipViewer, s = v.sliders;"
+    "const { colour, load, force, zones, mate } = v.state;"
+    "return [[colour, load, force, zones, mate],"
+    "  [s.colour.value, +s.load.value, +s.force.value, s.zones.checked, s.mate.checked],"
+    '  s.face.checked && s.caps.checked, document.querySelector(".viewer").innerText]'
+)
+TOUCHES = "const v = window.capslipViewer; return [v.state.zones, v.sliders.zones.checked]"
+CLICK = """const v = window.capslipViewer, canvas = document.querySelector("canvas.face");
+        const caps = JSON.parse(document.getElementById("viewer-data").textContent).caps;
+        const f4 = (t) => new Float32Array(Uint8Array.from(atob(t), (c) => c.charCodeAt(0)).buffer);
+        const data = JSON.parse(document.getElementById("viewer-data").textContent);
+        const [x, y] = v.seen(f4(caps.x)[1], f4(caps.y)[1], f4(caps.peak)[1] - data.low);
+        const box = canvas.getBoundingClientRect();
+        const at = { clientX: x + box.left, clientY: y + box.top, pointerId: 1, bubbles: true };
+        canvas.setPointerCapture = () => {};
+        canvas.dispatchEvent(new PointerEvent("pointerdown", at));
+        canvas.dispatchEvent(new PointerEvent("pointerup", at));
+        const hidden = document.querySelector("canvas.profile").hidden;
+        return [document.querySelector(".row").innerText, hidden];"""
+SIZE = """const face = document.querySelector("canvas.face");
+        return [document.documentElement.scrollWidth, face.clientHeight / face.clientWidth];"""
+FRAMES = """const v = window.capslipViewer, from = performance.now();
+        for (let i = 0; i < 20; i++) { v.state.zones = true; v.state.force = i / 20; v.update(); }
+        return (performance.now() - from) / 20;"""
+
+
+@pytest.fixture(scope="module")
+def asked(page, tmp_path_factory):
+    """Ask the page all at once."""
+    scripts = {"counts": COUNTS, "force": f"{FORCE}; return {SAY}", "say": f"return {SAY}"}
+    scripts |= {"first": FIRST, "touches": TOUCHES, "click": CLICK, "frames": FRAMES}
+    scripts |= {"420": (SIZE, 420), "1400": (SIZE, 1400)}
+    return ask_each(page, scripts, tmp_path_factory.mktemp("asked"))
 
 
 def unpacked(text, kind):
@@ -115,18 +158,15 @@ def test_a_page_has_either_ending(folder, tmp_path, name):
 
 
 @needs_chromium
-def test_page_counts_what_touches_sticks_and_slips_as_python_does(folder, page, tmp_path):
+def test_page_counts_what_touches_sticks_and_slips_as_python_does(folder, asked):
     zones = read_view(folder).zones
-    states = [(1.0, 0.0), (1.0, 0.4), (1.0, 0.93), (0.4, 0.6), (0.02, 0.1), (1.0, 1.0)]
-    found = ask(page, f"return {[list(s) for s in states]}.map((s) => "
-                "window.capslipViewer.counts(...s))", tmp_path)  # fmt: skip
-    for state, counts in zip(states, found, strict=True):
+    for state, counts in zip(STATES, asked["counts"], strict=True):
         words = zone_at(zones, *state).word
         assert counts == {word: int((words == word).sum()) for word in counts}
 
 
 @needs_chromium
-def test_page_shows_face_caps_and_zones_and_says_so(page, tmp_path):
+def test_page_shows_face_caps_and_zones_and_says_so(page, asked, tmp_path):
     """Neither a blank scene nor lost text."""
     plain = picture(page, tmp_path)
     red, green, blue = plain.transpose(2, 0, 1)
@@ -134,31 +174,17 @@ def test_page_shows_face_caps_and_zones_and_says_so(page, tmp_path):
     assert ((red < 60) & (green < 130) & (blue > 100)).sum() > 500  # blue
     grey = (np.ptp(plain, axis=-1) < 12) & (red > 60) & (red < 230)
     assert grey.sum() > 20_000
-    force = (
-        "const s = window.capslipViewer.sliders.force; s.value = 0.6;"
-        's.dispatchEvent(new Event("input"))'
-    )
-    red, green, blue = picture(page, tmp_path, force).transpose(2, 0, 1)
+    red, green, blue = picture(page, tmp_path, FORCE).transpose(2, 0, 1)
     assert ((red < 60) & (green > 100) & (blue > 70) & (blue < 140)).sum() > 100  # sticks
     assert ((red > 120) & (green < 70) & (blue < 40)).sum() > 100  # slips
-    said = ask(page, force + '; return document.querySelector(".viewer").innerText', tmp_path)
     for words in ("60 % of gross slip", "slip in part", "Heights ×", "G-caps (2)", "flat mate"):
-        assert words in said
-
-
-FIRST = (
-    "const v = window.capslipViewer, s = v.sliders;"
-    "const { colour, load, force, zones, mate } = v.state;"
-    "return [[colour, load, force, zones, mate],"
-    "  [s.colour.value, +s.load.value, +s.force.value, s.zones.checked, s.mate.checked],"
-    '  s.face.checked && s.caps.checked, document.querySelector(".viewer").innerText]'
-)
+        assert words in asked["force"]
 
 
 @needs_chromium
-def test_page_begins_as_its_picture_looks(folder, page, tmp_path):
+def test_page_begins_as_its_picture_looks(folder, asked, tmp_path):
     view = read_view(folder)
-    plain, beads, shown, said = ask(page, FIRST, tmp_path)
+    plain, beads, shown, said = asked["first"]
     assert plain == beads == ["family", 1.0, 0.0, False, False]
     assert shown
     assert "of gross slip:" not in said
@@ -207,14 +233,13 @@ def test_page_refuses_the_state_of_contacts_that_are_not_known(folder, tmp_path)
 
 
 @needs_chromium
-def test_page_of_a_pressed_map_begins_with_what_touches(page, tmp_path):
-    ask_first = "const v = window.capslipViewer; return [v.state.zones, v.sliders.zones.checked]"
+def test_page_of_a_pressed_map_begins_with_what_touches(asked, tmp_path):
     analysis = output_cases.pressed_map()
     write_result(analysis, tmp_path)
     write_summary(analysis.summary(), tmp_path)
     write_viewer(tmp_path, tmp_path / "view.html")
-    assert ask(tmp_path / "view.html", ask_first, tmp_path) == [True, True]
-    assert ask(page, ask_first, tmp_path) == [False, False]
+    assert ask(tmp_path / "view.html", TOUCHES, tmp_path) == [True, True]
+    assert asked["touches"] == [False, False]
 
 
 @needs_chromium
@@ -282,7 +307,7 @@ def test_a_pressed_map_looks_as_much_in_contact_as_it_is(tmp_path, monkeypatch):
 
 
 @needs_chromium
-def test_page_shows_two_faces_or_their_sum(page, tmp_path):
+def test_page_shows_two_faces_or_their_sum(asked, tmp_path):
     view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))
     write_viewer(tmp_path, tmp_path / "view.html")
     both = (
@@ -291,8 +316,7 @@ def test_page_shows_two_faces_or_their_sum(page, tmp_path):
     )
     at = [(0.004, 0.003, 0.2e-6), (0.0141, 0.0102, 0.9e-6), (0.0252, 0.0051, 0.9e-6)]
     placed = f"{[list(place) for place in at]}.map((p) => window.capslipViewer.placed(...p))"
-    say = 'document.querySelector(".viewer").innerText'
-    then = f"const was = [{placed}, {say}]; {both} return [...was, {placed}, {say}]"
+    then = f"const was = [{placed}, {SAY}]; {both} return [...was, {placed}, {SAY}]"
     alone, said_alone, found, said = ask(tmp_path / "view.html", then, tmp_path)
     assert alone == pytest.approx([z for *_, z in at])
     low_m, high_m = view.first_limits_m
@@ -304,56 +328,28 @@ def test_page_shows_two_faces_or_their_sum(page, tmp_path):
         assert height_m == pytest.approx(clipped_m, abs=1e-10)
     assert "Both faces" in said
     assert "Both faces" not in said_alone
-    assert "both faces" not in ask(page, f"return {say}", tmp_path)
+    assert "both faces" not in asked["say"]
     apart = picture(tmp_path / "view.html", tmp_path, both)
     red, blue = apart[..., 0].astype(int), apart[..., 2].astype(int)
     assert ((blue > red + 12) & (red > 60)).sum() > 20_000  # the second, seen through
 
 
 @needs_chromium
-def test_click_on_a_cap_shows_its_row_and_profile(page, tmp_path):
-    said = ask(
-        page,
-        """const v = window.capslipViewer, canvas = document.querySelector("canvas.face");
-        const caps = JSON.parse(document.getElementById("viewer-data").textContent).caps;
-        const f4 = (t) => new Float32Array(Uint8Array.from(atob(t), (c) => c.charCodeAt(0)).buffer);
-        const data = JSON.parse(document.getElementById("viewer-data").textContent);
-        const [x, y] = v.seen(f4(caps.x)[1], f4(caps.y)[1], f4(caps.peak)[1] - data.low);
-        const box = canvas.getBoundingClientRect();
-        const at = { clientX: x + box.left, clientY: y + box.top, pointerId: 1, bubbles: true };
-        canvas.setPointerCapture = () => {};
-        canvas.dispatchEvent(new PointerEvent("pointerdown", at));
-        canvas.dispatchEvent(new PointerEvent("pointerup", at));
-        const hidden = document.querySelector("canvas.profile").hidden;
-        return [document.querySelector(".row").innerText, hidden];""",
-        tmp_path,
-    )
+def test_click_on_a_cap_shows_its_row_and_profile(asked):
+    said = asked["click"]
     assert said[0].startswith("cap 2, family G")
     assert "of the loss" in said[0]
     assert said[1] is False
 
 
 @needs_chromium
-@pytest.mark.parametrize("size", [(420, 900), (1400, 900)])
-def test_page_fits_its_width(page, tmp_path, size):
-    wide, shape = ask(
-        page,
-        """const face = document.querySelector("canvas.face");
-        return [document.documentElement.scrollWidth, face.clientHeight / face.clientWidth];""",
-        tmp_path,
-        size,
-    )
-    assert wide <= size[0]
+@pytest.mark.parametrize("width", [420, 1400])
+def test_page_fits_its_width(asked, width):
+    wide, shape = asked[str(width)]
+    assert wide <= width
     assert 0.4 < shape < 1.3  # neither a slit nor a shaft with the face somewhere in it
 
 
 @needs_chromium
-def test_slider_answers_within_a_frame(page, tmp_path):
-    took_ms = ask(
-        page,
-        """const v = window.capslipViewer, from = performance.now();
-        for (let i = 0; i < 20; i++) { v.state.zones = true; v.state.force = i / 20; v.update(); }
-        return (performance.now() - from) / 20;""",
-        tmp_path,
-    )
-    assert took_ms < 16.0
+def test_slider_answers_within_a_frame(asked):
+    assert asked["frames"] < 16.0

@@ -7,7 +7,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from browser import CHROMIUM, ask, needs_chromium, picture
+from browser import CHROMIUM, ask_each, needs_chromium, picture
 from capslip.analysis import analyze_once
 from capslip.contact.slip import slip_curve
 from capslip.output.report import write_report
@@ -74,28 +74,66 @@ def states(analysis, tables, n=60):
         }
 
 
+FRAMES = """const field = window.capslipWhatIf.inputs.friction;
+        const text = () => document.querySelector("#whatif tbody").innerText;
+        const give = (mu) => { field.value = mu; field.dispatchEvent(new Event("input")); };
+        const before = text(), from = performance.now();
+        for (let i = 0; i < 20; i++) give(0.2 + 0.01 * i);
+        const took = (performance.now() - from) / 20, after = text();
+        give(0.001);
+        return [took, before, after, text()];"""
+NO_NUMBERS = """const panel = window.capslipWhatIf, names = ["friction", "K_m", "K_s", "n"];
+        const text = () => document.querySelector("#whatif tbody").innerText;
+        const give = (name, text) => {
+          const field = panel.inputs[name];
+          field.value = text;
+          for (const what of ["input", "change"]) field.dispatchEvent(new Event(what));
+          return +field.value;
+        };
+        const was = names.map((name) => +panel.inputs[name].value), before = text();
+        const now = names.map((name) => ["0", "-1", ""].map((one) => give(name, one)));
+        const after = text(), kept = now.map((row, i) => row.every((one) => one === was[i]));
+        return [kept, [give("n", "2.6"), panel.state.n], before, after];"""
+GUESSES = """const panel = window.capslipWhatIf, at = (share) => {
+          panel.inputs.share.value = Math.log10(share);
+          panel.inputs.share.dispatchEvent(new Event("input"));
+          return document.querySelector("#whatif tbody").innerText;
+        };
+        return [at(0.9), at(0.002)];"""
+SORTED = """const table = document.querySelector("table.sorts");
+        const head = table.tHead.rows[0].cells[0];
+        head.querySelector("button").click(); head.querySelector("button").click();
+        const rows = [...table.tBodies[0].rows].map((row) => +row.cells[0].textContent);
+        return [head.getAttribute("aria-sort"), rows];"""
+WORDS = """const one = window.capslipWhatIf, field = one.inputs.K_m, shown = +field.value;
+        const loss = one.answer(one.state).loss;
+        field.value = 2 * shown; field.dispatchEvent(new Event("input"));
+        const words = document.querySelector("canvas.eta").getAttribute("aria-label");
+        return [shown, loss, one.answer(one.state).loss, words];"""
+WIDTH = "return document.documentElement.scrollWidth"
+
+
 @pytest.fixture(scope="module")
-def at_rest(case, tmp_path_factory):
-    """Ask a page once for what changes nothing on it; a browser takes a second to start."""
+def asked(case, tmp_path_factory):
+    """Ask a page all at once."""
     analysis, page = case
     tables, slip = whatif_data(analysis)["tables"], analysis.slip
-    asked, tip_m = list(states(analysis, tables)), 0.6 * float(slip.total_slip_displacement_m)
-    answers, loop, wide = ask(
-        page,
-        f"""const panel = window.capslipWhatIf;
-        return [{json.dumps(asked)}.map(panel.answer),
-                panel.loop({len(tables) - 1}, {slip.friction_coefficient}, {tip_m}, 41),
-                document.documentElement.scrollWidth];""",
-        tmp_path_factory.mktemp("at_rest"),
-    )
-    return {"states": asked, "answers": answers, "tip_m": tip_m, "loop": loop, "wide": wide}
+    given, tip_m = list(states(analysis, tables)), 0.6 * float(slip.total_slip_displacement_m)
+    at_rest = f"""const panel = window.capslipWhatIf;
+        return [{json.dumps(given)}.map(panel.answer),
+                panel.loop({len(tables) - 1}, {slip.friction_coefficient}, {tip_m}, 41)];"""
+    scripts = {"at_rest": at_rest, "frames": FRAMES, "no_numbers": NO_NUMBERS, "guesses": GUESSES}
+    scripts |= {"sorted": SORTED, "words": WORDS, "wide": WIDTH, "narrow": (WIDTH, 420)}
+    found = ask_each(page, scripts, tmp_path_factory.mktemp("asked"))
+    answers, loop = found["at_rest"]
+    return found | {"states": given, "answers": answers, "tip_m": tip_m, "loop": loop}
 
 
 @needs_chromium
-def test_panel_equals_python_to_a_millionth(case, at_rest):
+def test_panel_equals_python_to_a_millionth(case, asked):
     analysis, _ = case
     tables = whatif_data(analysis)["tables"]
-    for state, one in zip(at_rest["states"], at_rest["answers"], strict=True):
+    for state, one in zip(asked["states"], asked["answers"], strict=True):
         preload_N = tables[state["table"]]["preload_N"]
         kappa = analysis.slip.kappa
         slip = slip_curve(analysis.slip.curve, preload_N, state["friction"], kappa)
@@ -115,29 +153,17 @@ def test_panel_equals_python_to_a_millionth(case, at_rest):
 
 
 @needs_chromium
-def test_loop_of_the_panel_is_that_of_the_slip_curve(case, at_rest):
+def test_loop_of_the_panel_is_that_of_the_slip_curve(case, asked):
     analysis, _ = case
-    tip_m, found = at_rest["tip_m"], np.array(at_rest["loop"])
+    tip_m, found = asked["tip_m"], np.array(asked["loop"])
     delta_m, force_N = analysis.slip.loop(tip_m, 41)
     np.testing.assert_allclose(found[:, 0], delta_m, atol=1e-12 * tip_m)
     np.testing.assert_allclose(found[:, 1], force_N, atol=1e-6 * force_N.max())
 
 
 @needs_chromium
-def test_panel_answers_within_a_frame_and_follows_its_inputs(case, tmp_path):
-    _, page = case
-    took_ms, before, after, beyond = ask(
-        page,
-        """const field = window.capslipWhatIf.inputs.friction;
-        const text = () => document.querySelector("#whatif tbody").innerText;
-        const give = (mu) => { field.value = mu; field.dispatchEvent(new Event("input")); };
-        const before = text(), from = performance.now();
-        for (let i = 0; i < 20; i++) give(0.2 + 0.01 * i);
-        const took = (performance.now() - from) / 20, after = text();
-        give(0.001);
-        return [took, before, after, text()];""",
-        tmp_path,
-    )
+def test_panel_answers_within_a_frame_and_follows_its_inputs(asked):
+    took_ms, before, after, beyond = asked["frames"]
     assert took_ms < 16.0
     assert before != after
     assert "Energy W lost per cycle" in after
@@ -146,67 +172,34 @@ def test_panel_answers_within_a_frame_and_follows_its_inputs(case, tmp_path):
 
 @either_look
 @needs_chromium
-def test_what_is_no_number_above_0_is_not_taken_and_does_not_stay_in_its_field(case, tmp_path):
-    _, page = case
-    kept, joints, before, after = ask(
-        page,
-        """const panel = window.capslipWhatIf, names = ["friction", "K_m", "K_s", "n"];
-        const text = () => document.querySelector("#whatif tbody").innerText;
-        const give = (name, text) => {
-          const field = panel.inputs[name];
-          field.value = text;
-          for (const what of ["input", "change"]) field.dispatchEvent(new Event(what));
-          return +field.value;
-        };
-        const was = names.map((name) => +panel.inputs[name].value), before = text();
-        const now = names.map((name) => ["0", "-1", ""].map((one) => give(name, one)));
-        const after = text(), kept = now.map((row, i) => row.every((one) => one === was[i]));
-        return [kept, [give("n", "2.6"), panel.state.n], before, after];""",
-        tmp_path,
-    )
+def test_what_is_no_number_above_0_is_not_taken_and_does_not_stay_in_its_field(asked):
+    kept, joints, before, after = asked["no_numbers"]
     assert kept == [True] * 4
     assert joints == [3, 3]
     assert before == after
 
 
 @needs_chromium
-def test_what_the_pixels_do_not_resolve_is_called_a_guess(case, tmp_path):
-    analysis, page = case
+def test_what_the_pixels_do_not_resolve_is_called_a_guess(case, asked):
+    analysis, _ = case
     unresolved = whatif_data(analysis)["unresolved"]
-    above, below = ask(
-        page,
-        """const panel = window.capslipWhatIf, at = (share) => {
-          panel.inputs.share.value = Math.log10(share);
-          panel.inputs.share.dispatchEvent(new Event("input"));
-          return document.querySelector("#whatif tbody").innerText;
-        };
-        return [at(0.9), at(0.002)];""",
-        tmp_path,
-    )
+    above, below = asked["guesses"]
     assert "a guess" not in above
     assert ("a guess" in below) == (unresolved > 0.002)
 
 
 @either_look
 @needs_chromium
-def test_report_fits_its_width_and_has_no_fault(case, at_rest, tmp_path):
-    _, page = case
-    assert at_rest["wide"] <= 1400
-    assert ask(page, "return document.documentElement.scrollWidth", tmp_path, (420, 900)) <= 420
+def test_report_fits_its_width_and_has_no_fault(asked):
+    assert asked["wide"] <= 1400
+    assert asked["narrow"] <= 420
 
 
 @either_look
 @needs_chromium
-def test_columns_of_the_caps_sort(case, tmp_path):
-    analysis, page = case
-    column = ask(
-        page,
-        """const table = document.querySelector("table.sorts"), head = table.tHead.rows[0].cells[0];
-        head.querySelector("button").click(); head.querySelector("button").click();
-        const rows = [...table.tBodies[0].rows].map((row) => +row.cells[0].textContent);
-        return [head.getAttribute("aria-sort"), rows];""",
-        tmp_path,
-    )
+def test_columns_of_the_caps_sort(case, asked):
+    analysis, _ = case
+    column = asked["sorted"]
     assert column == ["ascending", list(range(1, len(analysis.caps) + 1))]
 
 
@@ -239,18 +232,10 @@ def test_report_is_small(case):
 
 @either_look
 @needs_chromium
-def test_fields_and_small_numbers_of_the_panel_can_be_read(case, tmp_path):
-    analysis, page = case
+def test_fields_and_small_numbers_of_the_panel_can_be_read(case, asked):
+    analysis, _ = case
     modal_N_per_m = analysis.damping.modal_stiffness_N_per_m
-    shown, loss, other_loss, words = ask(
-        page,
-        """const one = window.capslipWhatIf, field = one.inputs.K_m, shown = +field.value;
-        const loss = one.answer(one.state).loss;
-        field.value = 2 * shown; field.dispatchEvent(new Event("input"));
-        const words = document.querySelector("canvas.eta").getAttribute("aria-label");
-        return [shown, loss, one.answer(one.state).loss, words];""",
-        tmp_path,
-    )
+    shown, loss, other_loss, words = asked["words"]
     assert shown * 1e6 == pytest.approx(modal_N_per_m, rel=1e-5)
     assert other_loss == pytest.approx(loss / 2.0, rel=1e-5)
     assert "·10⁻" in words
