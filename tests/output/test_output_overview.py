@@ -15,7 +15,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from browser import ask, needs_chromium, picture
+from browser import ask, ask_each, needs_chromium, picture
 from capslip.output import overview
 from capslip.output.overview import COLUMNS, error_of, row_of, write_overview
 from capslip.output.tables import write_result
@@ -209,17 +209,19 @@ def test_long_names_and_paths_break_between_words(tmp_path):
         assert set(pieces) == {1}
 
 
+@pytest.fixture(scope="module")
+def sides(some, tmp_path_factory):
+    asked = "return [document.documentElement.scrollWidth, innerWidth]"
+    return ask_each(
+        some[0], {wide: (asked, wide) for wide in (420, 1400)}, tmp_path_factory.mktemp("sides")
+    )
+
+
 @needs_chromium
 @pytest.mark.parametrize("width", [420, 1400])
-def test_page_fits_and_draws(width, some, tmp_path):
+def test_page_fits_and_draws(width, some, sides, tmp_path):
     page, _ = some
-    sides = ask(
-        page,
-        "return [document.documentElement.scrollWidth, innerWidth]",
-        tmp_path,
-        size=(width, 900),
-    )
-    assert sides[0] <= sides[1]
+    assert sides[width][0] <= sides[width][1] == width
     dark = ("--blink-settings=preferredColorScheme=0",)
     light, night = (picture(page, tmp_path, size=(width, 900), flags=more) for more in ((), dark))
     blue = (light[..., 2] - light[..., 0] > 60).mean()
