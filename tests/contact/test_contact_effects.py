@@ -411,9 +411,15 @@ def test_a_bow_that_hides_hills_below_the_cut_has_no_effect_that_caps_tell():
 
 
 @ON_FEWER
-@pytest.mark.parametrize(("model", "points"), [("interacting", 120), ("boundary_elements", 64)])
-def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
-    """The greatest change by a cylinder or a sphere of that height over the map, up or down."""
+@pytest.mark.parametrize(
+    ("model", "points", "pressed"),
+    [("interacting", 120, ("x", "y", "sphere")), ("boundary_elements", 64, ("x",))],
+)
+def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points, pressed):
+    """The greatest change by a cylinder or a sphere of that height over the map, up or down.
+
+    On the map, where that is dear, by the cylinder that moves the caps most.
+    """
     rng = np.random.default_rng(6)
     places = [(x, y) for x in np.linspace(5e-3, 43e-3, 4) for y in np.linspace(5e-3, 43e-3, 4)]
     peaks = [(x, y, 15.0, z) for (x, y), z in zip(places, rng.uniform(-1e-7, 0, 16), strict=True)]
@@ -436,8 +442,8 @@ def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
     )
     moved = [
         found(replace(face_m, height_m=face_m.height_m + sign * flatness_m * one), *words)
-        for one in rise.values()
-        for sign in (1.0, -1.0)
+        for one in (rise[name] for name in pressed)
+        for sign in ((1.0, -1.0) if len(pressed) > 1 else (-1.0,))
     ]
     stiffness = [one.slip.tangential_stiffness_N_per_m / plain.slip.tangential_stiffness_N_per_m
                  for one in moved]  # fmt: skip
@@ -595,7 +601,8 @@ def test_thousands_of_errors_move_nothing_and_pillars_are_told():
     ):
         height_m = surface.height_m.copy()
         height_m.reshape(-1)[index] += 1e-6 * signs
-        spiky = found(replace(surface, height_m=height_m))
+        # Of so many pairs the free choice would press the map, where caps tell as much
+        spiky = found(replace(surface, height_m=height_m), "contact.model=interacting")
         (said,) = [p for p in spiky.problems if p.code == "outliers_removed"]
         assert said.severity == severity
         if severity == "info":
@@ -668,7 +675,7 @@ def test_fewer_points_are_not_followed_again_to_be_held_against_more(monkeypatch
         followed.append(curve.solutions.face.shape)
         return whole(curve, shares)
 
-    fewer = found(of_waves(4), *FEWER)
+    fewer = found_waves(4, 3e-3, *FEWER)
     given = fewer.caps, fewer.caps, fewer.conditioned, fewer.settings
     contact = replace(fewer.contact, rung=replace(fewer.contact.rung, at_forces=at_forces))
     one = Problem("resampled_coarser", "warning", "")
