@@ -13,6 +13,7 @@ from capslip.contact import joint
 from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
+from capslip.contact.press import ContactState
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers import solutions
 from capslip.contact.uneven import scaled_between, side_by_side, standing_for
@@ -159,14 +160,24 @@ def test_a_load_that_slips_first_is_not_left_to_heavy_ones():
 @pytest.mark.parametrize("yields", [False, True])
 def test_few_solved_pressures_stand_for_many(tmp_path, monkeypatch, yields):
     """At one level: where each finds its own, what moves between two of them is chance as well."""
-    pressures_Pa = np.linspace(0.2e6, 1e6, 10).tolist()
+    solved, solve = {}, ContactState.curve_after
+
+    def once(contact, load_N, hardness_factor=1.0):
+        at = load_N, hardness_factor
+        if at not in solved:
+            solved[at] = solve(contact, *at)
+        return solved[at]
+
+    monkeypatch.setattr(ContactState, "curve_after", once)  # of one map, at one level
+    pressures_Pa = np.linspace(0.2e6, 1e6, 8).tolist()
+    monkeypatch.setattr(joint, "MAX_SOLVED", 6)
     given = ("contact.alignment=as_levelled", *(("material.hardness_Pa=4e8",) if yields else ()))
     few = pressed(tmp_path, pressures_Pa, *given, points=64)
-    monkeypatch.setattr(joint, "MAX_SOLVED", 10)
+    monkeypatch.setattr(joint, "MAX_SOLVED", 8)
     every = pressed(tmp_path, pressures_Pa, *given, points=64)
     assert not said(every)
     (note,) = said(few)
-    assert "the map was solved 8 times for 10 pressures of the joint" in note.message
+    assert "the map was solved 6 times for 8 pressures of the joint" in note.message
     force_N = np.array([0.25, 0.5, 0.75]) * every.slip.total_slip_force_N
     off = few.slip.energy_at_force_J(force_N) / every.slip.energy_at_force_J(force_N) - 1.0
     assert np.abs(off).max() < min(0.05, note.effect.energy)
@@ -205,10 +216,10 @@ def test_an_interval_of_few_solved_pressures_follows_the_preload(
 
     At the level that was found, which an interval holds.
     """
-    monkeypatch.setattr(joint, "MAX_SOLVED", 4)
-    at, answers = np.linspace(0.3e6, 1e6, 5), []
+    monkeypatch.setattr(joint, "MAX_SOLVED", 2)
+    at, answers = np.linspace(0.7e6, 1e6, 3), []
     for factor in (1.0, 1.01):
-        given = ("answer.slip_force_N=5.5", "contact.alignment=as_levelled", *hardness)
+        given = ("answer.slip_force_N=4.3", "contact.alignment=as_levelled", *hardness)
         answers.append(pressed(tmp_path, (factor * at).tolist(), *given, noise_m=noise_m))
     state = band_state.State(answers[0].answer, True, answers[0].parts, answers[0].settings)
     log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))
@@ -335,7 +346,7 @@ def test_a_light_patch_whose_slip_there_was_no_time_to_follow_says_so(
     tmp_path, monkeypatch, hardness
 ):
     """The heaviest does not know: it had time enough; the worst of the others is said."""
-    left = {1.0: 0.0, 0.75: 0.1, 0.5: 0.4, 0.25: 0.2}
+    left = {1.0: 0.0, 0.5: 0.4, 0.25: 0.2}
     followed = solutions.unload
 
     def short(face, pressed, *given, **more):
@@ -343,9 +354,10 @@ def test_a_light_patch_whose_slip_there_was_no_time_to_follow_says_so(
         done = followed(face, pressed, *given, **more)
         return replace(done, cut_short=share < 1.0, loss_error=left.get(share, 0.0))
 
-    heaviest_N = pressed(tmp_path, [1e6], *hardness).contact.preload_N
+    heaviest_N = 1e6 * (44 * 5e-5) ** 2
     monkeypatch.setattr(solutions, "unload", short)
-    found = pressed(tmp_path, [2.5e5, 5e5, 7.5e5, 1e6], *hardness)
+    found = pressed(tmp_path, [2.5e5, 5e5, 1e6], *hardness)
+    assert found.contact.preload_N == pytest.approx(heaviest_N)
     (one,) = (one for one in found.problems if one.code == "time_limit_reached")
     assert one.severity == "warning"
     assert one.effect.energy == 0.4
