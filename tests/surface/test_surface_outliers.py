@@ -105,27 +105,30 @@ def test_noise_and_waves_hold_no_outlier(seed, width):
     assert found(rough(seed, shape=(400, 600), width=width)).size == 0
 
 
+PEAKS = {
+    "paraboloid": lambda r: 1 - r**2,
+    "hemisphere": lambda r: np.sqrt(np.maximum(1 - r**2, 0)),
+    "bell": lambda r: np.exp(-2 * r**2),
+    "cone": lambda r: 1 - r,
+    "pillar": lambda r: (r <= 1).astype(float),
+}
+
+
 @pytest.mark.parametrize("floor", FLOORS)
 @pytest.mark.parametrize("place", ["anywhere", "pixel", "corner"])
 @pytest.mark.parametrize("width", [3.0, 4.0, 5.0, 9.0])
-@pytest.mark.parametrize("shape", ["paraboloid", "hemisphere", "bell", "cone", "pillar"])
+@pytest.mark.parametrize("shape", PEAKS)
 def test_narrow_peaks_stay(shape, width, place, floor):
     rng = np.random.default_rng(int(width))
-    z = np.zeros((NY, NX))
+    part = np.s_[:120, :180]
+    z, y, x = np.zeros((120, 180)), Y[part], X[part]
     for height_m in rng.uniform(3e-7, 2e-6, 25):
-        centre = rng.uniform((5, 5), (NY - 5, NX - 5))
+        centre = rng.uniform((5, 5), (115, 175))
         if place != "anywhere":
             centre = np.floor(centre) + (0.5 if place == "corner" else 0.0)
-        r = np.hypot(Y - centre[0], X - centre[1]) / (width / 2)
-        one = {
-            "paraboloid": 1 - r**2,
-            "hemisphere": np.sqrt(np.maximum(1 - r**2, 0)),
-            "bell": np.exp(-2 * r**2),
-            "cone": 1 - r,
-            "pillar": (r <= 1).astype(float),
-        }[shape]
-        z = np.maximum(z, height_m * one)
-    assert found(z + FLOORS[floor]).size == 0
+        r = np.hypot(y - centre[0], x - centre[1]) / (width / 2)
+        z = np.maximum(z, height_m * PEAKS[shape](r))
+    assert found(z + FLOORS[floor][part]).size == 0
 
 
 @pytest.mark.parametrize("angle", [0, 7, 26.57, 45, 80, 90, 135])
