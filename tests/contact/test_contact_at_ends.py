@@ -38,6 +38,7 @@ def at_ends(analysis):
     return np.count_nonzero(analysis.caps.flags & CapFlag.edge)
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(("cut", "non_measured"), [(0, "void"), (1, "unknown"), (2, "void")])
 def test_a_margin_that_was_not_measured_changes_no_answer(cut, non_measured):
     around_m = np.pad(face_m((*CUT[:cut], *WHOLE)), MARGIN, constant_values=np.nan)

@@ -1,6 +1,7 @@
 """What the plastic law of a pressed map leaves open: one sphere against the law of caps."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -37,6 +38,7 @@ def pressed(over_hardness):
     return float(load_N[0]), hardness_Pa, float(flat_m[0])
 
 
+@cache
 def analysis_of(load_N, hardness_Pa, *more):
     given = (
         f"contact.preload_N={load_N}",
@@ -53,7 +55,7 @@ def analysis_of(load_N, hardness_Pa, *more):
     return analyze(sphere(), load_settings(overrides=given))
 
 
-@pytest.mark.parametrize("over_hardness", [1.1, 1.4, 2.0, 4.0])
+@pytest.mark.parametrize("over_hardness", [1.1, 1.4, 4.0])
 def test_the_interval_of_a_map_that_yields_holds_the_caps_of_finite_elements(over_hardness):
     load_N, hardness_Pa, flat_m = pressed(over_hardness)
     found = analysis_of(load_N, hardness_Pa)

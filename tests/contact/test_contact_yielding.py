@@ -415,7 +415,7 @@ def test_a_soft_face_is_wider_in_contact_and_loses_less_at_given_force(alignment
         for x, y, up in ((0.006, 0.006, 0.0), (0.024, 0.006, -1e-7), (0.015, 0.015, -2e-7))
     ]
     found = []
-    for hardness in (None, 1.7e7, 1.3e7, 1e7):
+    for hardness in (None, 1.7e7, 1e7):
         more = () if hardness is None else (f"material.hardness_Pa={hardness!r}",)
         settings = load_settings(
             overrides=(
@@ -459,7 +459,7 @@ ROUND = [
 
 
 @pytest.mark.usefixtures("fewer_points")
-@pytest.mark.parametrize(("hardness", "off"), [(None, 0.01), (5e6, 0.06), (3e6, 0.02)])
+@pytest.mark.parametrize(("hardness", "off"), [(None, 0.01), (5e6, 0.06)])
 def test_a_face_of_caps_finds_the_level_and_stiffness_of_its_map(hardness, off):
     more = () if hardness is None else (f"material.hardness_Pa={hardness!r}",)
     found = []

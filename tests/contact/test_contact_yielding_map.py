@@ -71,10 +71,10 @@ def test_flats_are_followed_more_finely_than_the_hills_on_which_a_load_left_them
 @pytest.mark.parametrize("balanced", [False, True])
 def test_refined_flats_are_those_of_the_load_on_finer_pixels(balanced):
     """Where points yield they bear the hardness, and elastic pressures hold the flats there."""
-    hardness, load_N = 1e9, 1.5
-    face = soft(rough(96, 0, width=4), hardness)
+    hardness, load_N = 1e9, 0.7
+    face = soft(rough(64, 0, width=4), hardness)
     if balanced:
-        pressed = press_balanced(face, load_N, (44e-6, 51e-6), tolerance=1e-8)
+        pressed = press_balanced(face, load_N, (29e-6, 34e-6), tolerance=1e-8)
         face = face.tilted(pressed.tilt_rad)
     else:
         pressed = press(face, load_N=load_N, tolerance=1e-8)
@@ -108,7 +108,7 @@ def fully_plastic_loss_J(share, load_N, a_m, hardness_Pa):
 
 @pytest.mark.parametrize(
     ("load_N", "pixel_m", "off_m"),
-    [(2.0, 4e-6, (0.0, 0.0)), (2.0, 1e-5, (3e-6, 1e-6)), (0.5, 4e-6, (1e-6, 5e-7))],
+    [(2.0, 4e-6, (0.0, 0.0)), (2.0, 1e-5, (3e-6, 1e-6))],
 )
 def test_the_energy_of_a_fully_plastic_sphere_of_few_pixels_is_the_closed_form(
     load_N, pixel_m, off_m
@@ -162,8 +162,7 @@ def test_a_loaded_map_is_in_equilibrium_and_unloads_from_where_it_is(balanced, s
     assert np.abs(again.pressure_Pa - p).sum() < 1e-4 * p.sum()
 
 
-@pytest.mark.parametrize("balanced", [False, True])
-@pytest.mark.parametrize("across", [1.2, 2.0])
+@pytest.mark.parametrize(("across", "balanced"), [(1.2, True), (2.0, False)])
 def test_a_contact_yields_between_its_pixels_though_none_of_them_does(across, balanced):
     """Hertz's greatest pressure is 1.3 times the hardness, the greatest of a pixel is below it."""
     pixel_m = 1e-5
@@ -258,8 +257,8 @@ def test_a_map_that_cannot_bear_the_load_is_refused():
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
 def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
-    hardness, load_N = 1e9, 1.3
-    surface = rough(64, 7, width=6)
+    hardness, load_N = 1e9, 0.75
+    surface = rough(48, 7, width=6)
     settings = load_settings(
         overrides=(
             "contact.model=boundary_elements",
