@@ -85,7 +85,7 @@ def test_exact_repeats_are_two_families():
 
 
 @pytest.mark.parametrize("draw", ONE_FAMILY.values(), ids=ONE_FAMILY)
-@pytest.mark.parametrize("n", [5, 23, 100])
+@pytest.mark.parametrize("n", [5, 100])
 def test_one_family_is_not_taken_for_two_without_a_doubt(draw, n):
     rng = np.random.default_rng(n)
     found = [families_of(draw(rng, n)) for _ in range(100)]

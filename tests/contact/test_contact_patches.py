@@ -224,8 +224,10 @@ def test_gaps_left_under_the_preload_are_heights_so_that_its_state_is_exact(monk
         assert one.region_loss_J.sum() == pytest.approx(other.region_loss_J.sum(), rel=2e-4)
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1 / 8, 16.0])
-@pytest.mark.parametrize(("most", "largest"), [(1, 0.5), (6, 0.03)])
+@pytest.mark.parametrize(
+    ("most", "largest", "ratio"),
+    [(1, 0.5, 1.0), (6, 0.03, 1.0), (1, 0.5, 16.0), (6, 0.03, 1 / 8)],
+)
 def test_what_pixels_leave_at_small_slip_is_stated(most, largest, ratio, monkeypatch):
     """Spheres of 24 pixels across of any sides, wherever their apex lies between the pixels."""
     from capslip.contact.models.caps import caps

@@ -176,6 +176,7 @@ def test_a_floor_that_was_designed_or_is_a_step_or_a_few_points_is_no_limit():
     assert floor_points(HeightMap(noisy_m[few][1:], PIXEL_M)) is None
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
 def test_a_clipped_face_answers_as_the_whole(model):
     settings = load_settings(overrides=("contact.preload_N=60", f"contact.model={model}"))
@@ -211,9 +212,8 @@ def test_a_place_that_stays_flat_is_a_warning_with_its_effect():
     """Two peaks under one plateau: no cap carries on."""
     whole = caps_map([*PEAKS, (16e-3, 6e-3, 21.0, 0.0)], SHAPE, PIXEL_M, -0.4e-6)
     steps_m = 4e-9 * np.round(clipped(whole).height_m / 4e-9)
-    found = analyze_once(
-        HeightMap(steps_m, PIXEL_M), load_settings(overrides=("contact.preload_N=60",))
-    )
+    words = ("contact.preload_N=60", "contact.model=interacting")
+    found = analyze_once(HeightMap(steps_m, PIXEL_M), load_settings(overrides=words))
     (said,) = [one for one in found.problems if one.code == "clipped"]
     assert found.conditioned.surface.tops.left > 0
     assert said.severity == "warning"
@@ -263,8 +263,7 @@ def said_of_clipped(found):
     return [one for one in found.problems if one.code == "clipped"]
 
 
-@pytest.mark.parametrize("way", ["composite", "together"])
-@pytest.mark.parametrize("mirror", ["x", "y"])
+@pytest.mark.parametrize(("way", "mirror"), [("composite", "x"), ("together", "y")])
 def test_tops_of_the_second_face_are_put_back_and_doubted_as_those_of_the_first(way, mirror):
     cut = clipped(face(4e-9))
     gentle = HeightMap(1e-10 * np.random.default_rng(2).standard_normal(SHAPE), PIXEL_M)
