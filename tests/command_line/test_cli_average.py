@@ -214,6 +214,7 @@ def test_units_that_the_files_lack_are_given_once_for_all(tmp_path, monkeypatch)
     assert mean.pixel_size_m == pytest.approx((1e-4, 1e-4))
 
 
+@pytest.mark.usefixtures("fewer_points")
 def test_an_analysis_of_the_mean_knows_its_noise_and_takes_it_off(scans):
     assert run("average", *scans).exit_code == 0
     options = ("--preload", 50, "--no-figures", "--no-render", "--no-meshes", "--json")
@@ -230,6 +231,7 @@ def test_an_analysis_of_the_mean_knows_its_noise_and_takes_it_off(scans):
     assert again.noise_m == found["surface"]["measurement_noise_m"]
 
 
+@pytest.mark.usefixtures("here", "fewer_points")
 def test_a_batch_of_means_is_done_once(scans, tmp_path):
     assert run("average", *scans).exit_code == 0
     options = ("--preload", 50, "--no-figures", "--no-render", "--no-meshes", "--workers", 1)
@@ -240,6 +242,7 @@ def test_a_batch_of_means_is_done_once(scans, tmp_path):
     assert written[0] == written[1]
 
 
+@pytest.mark.usefixtures("fewer_points")
 def test_a_joint_of_means_knows_its_noise_where_each_does():
     means = [average(repeats(seed)).surface for seed in (1, 2)]
     settings = load_settings(overrides=("contact.nominal_pressure_Pa=5e5", "joint.area_m2=1e-3"))

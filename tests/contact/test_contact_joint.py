@@ -177,6 +177,7 @@ def by_hand(pressures, shares, *given):
     return np.append(np.interp(asked_N, force_N, energy_J), stiffness)
 
 
+@pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("more", [(), ("material.hardness_Pa=2e8",)])
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
 def test_each_patch_lies_at_the_level_that_its_own_pressure_finds(tmp_path, model, more):

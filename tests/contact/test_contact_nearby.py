@@ -79,7 +79,7 @@ def test_near_is_what_the_map_says_that_is_loaded_anew(hardness_Pa, of_load, of_
 
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(
-    ("of_load", "of_hardness"), [(0.1, 1.0), (0.6, 1.0), (1.0, 1.3), (1.0, 0.8), (1.4, 1.1)]
+    ("of_load", "of_hardness"), [(0.1, 1.0), (1.0, 1.3), (1.0, 0.8), (1.4, 1.1)]
 )
 def test_another_first_load_is_that_of_the_turned_map_built_anew(of_load, of_hardness):
     given = {"tolerance": 1e-7, "hardness_Pa": 3e7 * of_hardness, "preload_N": of_load * N}
