@@ -172,9 +172,9 @@ def losses_J(curve):
 
 
 def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
-    """Of 12 energies, 95 % of which are to be within."""
+    """Of nine energies, 95 % of which are to be within."""
     off, as_it_was, said = [], [], []
-    for seed in range(21, 25):
+    for seed in range(21, 24):
         true = waves(seed, (60, 75))
         noisy = with_noise(true, seed=seed)
         without, known, unknown = curve_of(true), curve_of(noisy, NOISE_M), curve_of(noisy)
@@ -186,7 +186,7 @@ def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
         said.append([stated.energy_at(share) for share in SHARES])
     rms, before = (np.sqrt(np.mean(np.square(one), axis=0)) for one in (off, as_it_was))
     assert (rms < 0.6 * before).all()
-    assert (np.abs(off) <= said).sum() >= 11
+    assert np.mean(np.abs(off) <= said) >= 11 / 12
     assert (np.median(said, axis=0) < [0.2, 0.1, 0.05]).all()
 
 
