@@ -131,8 +131,8 @@ def _sheared(
 
 
 def _with_levels(face: Face, contact: ContactState, settings: Settings) -> ContactState:
-    """Return a pressed face that knows how it lies under the other pressures of its joint."""
-    if face.joint.is_even or not finds_its_level(face, contact, settings):
+    """Return a pressed face that knows how it lies under other pressures."""
+    if not finds_its_level(face, contact, settings):
         return contact
     return knowing_levels(contact, lambda N: _lying_anew(face, contact, N, settings)[0])
 
@@ -148,10 +148,7 @@ def _with_errors_of_joint(
     light = lightest(face.joint, curve, [*patches[:-1], contact])
     if light is None:
         return contact, None
-    lying = face
-    if contact.at_level is not None and contact.at_level(light.preload_N) is not None:
-        alone = _of_one_scan(face.joint, light.preload_N)
-        lying, _ = _at_its_level(face, contact, alone, settings)
+    lying = _lying(face, contact, light.preload_N, settings)
     dearer: Choice | None = None
     try:
         if settings.contact.model == "auto" and light.rung.error is None:
@@ -230,13 +227,17 @@ def error_under(
 ) -> ModelError | None:
     """Return the errors of a pressed face where it bears another load; None: not known.
 
+    At the level of that load, where it finds one.
+
     Raises
     ------
     ContactError
         If it cannot carry the load.
     """
-    patch = contact if load_N == contact.preload_N else contact.under(load_N)
-    return _with_error(face, patch, settings)[0].errors
+    if load_N == contact.preload_N:
+        return _with_error(face, contact, settings)[0].errors
+    lying = _lying(face, contact, load_N, settings)
+    return _with_error(lying, contact.of_patch(load_N), settings)[0].errors
 
 
 def caps_hold(face: Face, contact: ContactState, load_N: float, settings: Settings) -> bool:
@@ -305,13 +306,13 @@ def finds_its_level(face: Face, contact: ContactState, settings: Settings) -> bo
     return face.level is not None or contact.rung.made_from == "map"
 
 
-def at_its_level(
+def _lying_anew(
     face: Face, contact: ContactState, load_N: float, settings: Settings
-) -> ContactState:
-    """Return a pressed face as it is after a first loading to another load, at the level of that.
+) -> tuple[ContactState, CapTable]:
+    """Return a scan after a first loading to another load, at the level of that, and its caps.
 
     By the same model, of the scan alone: a map turns anew, caps lie on the plane that the load
-    balances. `ContactState.under` keeps the level instead.
+    balances. `ContactState.under` keeps the level instead. It slips in no direction yet.
 
     Raises
     ------
@@ -319,14 +320,6 @@ def at_its_level(
         If it finds no level, or not in time, or cannot carry the load; or if the bulk sinking
         cannot be taken off as it was.
     """
-    pressed, caps = _lying_anew(face, contact, load_N, settings)
-    return with_direction(pressed, caps, face.conditioned.surface, settings)
-
-
-def _lying_anew(
-    face: Face, contact: ContactState, load_N: float, settings: Settings
-) -> tuple[ContactState, CapTable]:
-    """Return a scan at the level of another load, and its caps, as it slips in no direction yet."""
     joint = _of_one_scan(face.joint, load_N)
     face, settings = _at_its_level(face, contact, joint, settings)
     pressed, caps = _pressed(face, settings)
@@ -357,6 +350,13 @@ def _at_its_level(
         given = contact.load_point_m, joint.settings_of_scan(settings), contact.at_ease_rad
         caps = levelled(caps, contact.use, *given)
     return replace(face, joint=joint, caps=caps), settings
+
+
+def _lying(face: Face, contact: ContactState, load_N: float, settings: Settings) -> Face:
+    """Return a face as it lies under another load, or as it does if it finds no level there."""
+    if contact.at_level is None or contact.at_level(load_N) is None:
+        return face
+    return _at_its_level(face, contact, _of_one_scan(face.joint, load_N), settings)[0]
 
 
 def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:

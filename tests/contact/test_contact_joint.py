@@ -203,14 +203,12 @@ def test_each_patch_lies_at_the_level_that_its_own_pressure_finds(tmp_path, mode
 
 def test_a_pressure_that_finds_no_level_is_named_with_the_load_that_rests_there():
     joint = Joint(3.0, 1.0, 110.0, np.array([10.0, 20.0, 80.0]), np.ones(3), 80.0)
-    state = SimpleNamespace(preload_N=80.0, at_level=lambda N: None if N < 15.0 else state)
+    state = SimpleNamespace(preload_N=80.0, lacks_level=lambda N: N < 15.0)
     patches = [SimpleNamespace(preload_N=N) for N in (10.0, 20.0, 80.0)]
     (lost,) = problems_of_levels(joint, state, patches)
     assert (lost.code, lost.severity) == ("not_balanced", "warning")
     assert "under 12 % of the greatest pressure and less, where 9.1 %" in lost.message
-    state.at_level = lambda N: state
-    assert problems_of_levels(joint, state, patches) == []
-    state.at_level = None
+    state.lacks_level = lambda N: False
     assert problems_of_levels(joint, state, patches) == []
 
 

@@ -22,7 +22,7 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named
-from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _of_level, _off, deck
+from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _off, _without_level, deck
 from capslip.pressing import caps_hold
 from capslip.problems import Problem
 from capslip.settings import Settings
@@ -85,9 +85,15 @@ def table(path):
 
 
 def slip_at(analysis, p):
+    """Return the slip curve per area under a pressure, at the level of that."""
+    return slip_along(analysis, p, analysis.contact.of_patch(p * analysis.joint.scan_area_m2))
+
+
+def slip_along(analysis, p, contact):
+    """Return the slip curve per area under a pressure along the curve of a state."""
     area_m2, mu = analysis.joint.scan_area_m2, analysis.settings.material.friction_coefficient
-    curve = ScaledCurve(analysis.contact.curve, 1 / area_m2)
-    return slip_curve(curve, p, mu, analysis.contact.composite.kappa)
+    curve = ScaledCurve(contact.curve, 1 / area_m2)
+    return slip_curve(curve, p, mu, contact.composite.kappa)
 
 
 def test_every_file_is_there_and_no_other(written):
@@ -198,6 +204,9 @@ def of_two(tmp_path_factory):
     faces = caps_map(CAPS, (240, 240)), caps_map(FLATTER, (160, 240))
     overrides = ("contact.model=caps", "joint.area_m2=0.01", "contact.preload_N=1e4")
     joint = analyze_scans(faces, capslip.load_settings(overrides=overrides))
+    # One curve of each for all pressures, as where stiff parts hold it
+    held = (replace(scan, contact=replace(scan.contact, at_level=None)) for scan in joint.scans)
+    joint = replace(joint, scans=tuple(held))
     folder = tmp_path_factory.mktemp("two")
     EXPORT.write(joint, folder)
     return joint, folder
@@ -332,7 +341,7 @@ def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
         def first(load_N, _, curve=curve, at_N=at_N):
             return ScaledCurve(curve, (load_N / at_N) ** 0.3)
 
-        contact = replace(part.contact, hardness_Pa=1e9, first=first)
+        contact = replace(part.contact, hardness_Pa=1e9, first=first, at_level=None)
         yields.append(replace(part, contact=contact))
     found = law(yields, 0.2)
     assert not found.has_beds_alone
@@ -371,7 +380,7 @@ def test_the_cards_hold_the_curve(written, program):
     assert f"Holds: up to {p[-1]:.4g} Pa, where the table ends: keep to less." in page
     assert "Keep to less" not in page
     for pressure, closure in zip(p[1::5], d[1::5], strict=True):
-        slip = slip_at(analysis, pressure)
+        slip = slip_along(analysis, pressure, analysis.contact)  # it unloads at one level
         assert closure == pytest.approx(slip.approach_m - slip.curve.touch_m, rel=1e-9)
     at = analysis.joint.nominal_pressure_Pa
     k_t = slip_at(analysis, at).tangential_stiffness_N_per_m
@@ -574,11 +583,11 @@ def test_a_plane_below_the_cut_touches_no_more_than_caps_where_all_beside_them_i
     assert law["pressure_Pa"].max() == pytest.approx(
         np.sqrt(10.0) * analysis.joint.nominal_pressure_Pa
     )
-    last = law["pressure_Pa"] == law["pressure_Pa"].max()
     sets = (f"contact.preload_N={np.sqrt(10.0) * 460}", "contact.model=interacting")
     more = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=sets))
     assert more.level.missed_area_m2 == 0.0
-    k_t = law["tangential_stiffness_Pa_per_m"][last][0] * analysis.joint.scan_area_m2
+    slip = slip_along(analysis, law["pressure_Pa"].max(), analysis.contact)
+    k_t = slip.tangential_stiffness_N_per_m * analysis.joint.scan_area_m2
     assert k_t == pytest.approx(more.slip.tangential_stiffness_N_per_m, rel=5e-3)
     caps = analysis.caps.peak_height_m[analysis.caps.usable]
     assert more.contact.approach_m > caps.max() - analysis.hills.cut_height_m
@@ -612,73 +621,95 @@ def test_the_scan_whose_caps_hold_least_ends_the_law(of_two, tmp_path, monkeypat
     assert "no cap of the curve stands" in page_of(tmp_path)
 
 
-LEVEL = re.compile(r"k_t by ([\d.]+) and w by ([\d.]+) under ([\d.]+) times")
+def law_against_analyses(analysis, folder, surface, given, off):
+    """Hold the law under less pressure against analyses there.
 
-
-def level_against_analyses(analysis, folder, surface, given, off):
-    """Hold what a page says of another level against analyses under less; return what it says."""
-    least_Pa = float(table(folder / "law.csv")[1]["pressure_Pa"][0])
-    said = np.array(LEVEL.findall(page_of(folder)), dtype=float)
+    Returned is by what one level for all pressures would be off, of stiffness and loss, (3, 2).
+    """
+    columns = table(folder / "law.csv")[1]
+    of = [columns[name] for name in ("pressure_Pa", "tangential_stiffness_Pa_per_m")]
+    of += [columns["shear_Pa"], columns["loss_J_per_m2"]]
+    pressures_Pa = np.unique(of[0])
     p0, area_m2 = analysis.joint.nominal_pressure_Pa, analysis.joint.scan_area_m2
-    assert said[:, 2] == pytest.approx([0.5, 0.25, least_Pa / p0], rel=5e-3)
-    for stiffness, loss, share in said:
-        load_N = share * analysis.joint.preload_N
+    mu, kappa = analysis.slip.friction_coefficient, analysis.contact.composite.kappa
+    kept = []
+    for share in (0.5, 0.25, 0.1):
+        p = float(pressures_Pa[np.argmin(np.abs(pressures_Pa - share * p0))])
+        k_t, tau, w = (column[of[0] == p] for column in of[1:])
+        load_N, known = p * area_m2, (tau > 0.0) & (w > 0.0)
         sets = (f"contact.preload_N={load_N}", *given)
         anew = analyze_once(surface, capslip.load_settings(overrides=sets))
         assert anew.contact.model == analysis.contact.model
-        mu, kappa = anew.slip.friction_coefficient, analysis.contact.composite.kappa
-        curve = ScaledCurve(analysis.contact.curve_after(load_N), 1 / area_m2)
-        here, quarter_N = slip_curve(curve, load_N / area_m2, mu, kappa), 0.25 * mu * load_N
-        w = anew.slip.energy_at_force_J(quarter_N) / area_m2
-        assert loss == pytest.approx(w / here.energy_at_force_J(quarter_N / area_m2), rel=off)
-        k_t = anew.slip.tangential_stiffness_N_per_m / area_m2
-        assert stiffness == pytest.approx(k_t / here.tangential_stiffness_N_per_m, rel=off)
-    return said
+        stiffness = float(anew.slip.tangential_stiffness_N_per_m)
+        assert k_t[0] * area_m2 == pytest.approx(stiffness, rel=off)
+        force_N = tau[known] * area_m2
+        asked = (force_N > 0.2 * mu * load_N) & (force_N < 0.9 * mu * load_N)
+        loss_J = np.array([anew.slip.energy_at_force_J(one) for one in force_N[asked]])
+        assert w[known][asked] * area_m2 == pytest.approx(loss_J, rel=off)
+        curve = analysis.contact.under(load_N).curve
+        at_one = slip_curve(curve, load_N, mu, kappa)
+        lost_J = np.array([at_one.energy_at_force_J(one) for one in force_N[asked]])
+        of_stiffness = float(at_one.tangential_stiffness_N_per_m) / stiffness - 1.0
+        kept.append((of_stiffness, np.abs(lost_J / loss_J - 1.0).max()))
+    return np.abs(kept)
 
 
-def test_the_law_of_a_balanced_face_says_what_another_level_does_under_less(written):
-    given, surface = ("contact.model=interacting",), capslip.load_surface(FACE)
-    said = level_against_analyses(*written, surface, given, 0.05)
-    assert abs(said[0, 1] - 1.0) > 0.2  # else nothing would have to be said
+# Their heights lie in no plane, so each load finds another level
+LOWER_BY_M = (0.0, 2e-7, 5e-8, 3e-7, 1e-7, 0.0, 1.5e-7, 4e-7, 2.5e-7)
+UNEVEN = [(x, y, R, -low) for (x, y, R, _), low in zip(CAPS, LOWER_BY_M, strict=True)]
 
 
-def test_the_law_of_a_face_that_yields_says_what_another_level_does_under_less(yielding):
-    """Each pressure was reached for the first time, at the level of the law and at its own."""
-    surface = capslip.load_surface(FACE)
-    said = level_against_analyses(*yielding[:2], surface, YIELDS, 0.05)
-    assert said[1, 0] > 1.5
+@pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=1e7",)])
+def test_the_law_of_caps_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
+    """Where it yields each pressure was reached for the first time, at its own level."""
+    given, surface = ("contact.model=interacting", *hardness), caps_map(UNEVEN, (240, 240))
+    analysis = analyze_once(surface, capslip.load_settings(overrides=given))
+    EXPORT.write(analysis, tmp_path)
+    kept = law_against_analyses(analysis, tmp_path, surface, given, 1e-2)
+    assert kept[:, 1].max() > 0.3  # else nothing would turn
 
 
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
-def test_the_law_of_a_map_says_what_another_level_does_under_less(tmp_path, hardness):
+def test_the_law_of_a_map_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
     given = ("contact.model=boundary_elements", *hardness)
     sets = (*given, "contact.nominal_pressure_Pa=1e6")
     surface = noisy_waves(2e-9)
     analysis = analyze_once(surface, capslip.load_settings(overrides=sets))
     EXPORT.write(analysis, tmp_path)
-    said = level_against_analyses(analysis, tmp_path, surface, given, 0.05)
-    assert np.abs(said[:, :2] - 1.0).max() > 0.2
+    assert law_against_analyses(analysis, tmp_path, surface, given, 0.05).max() > 0.2
 
 
-def test_a_level_that_there_is_no_time_to_find_is_not_known(tmp_path):
-    given = ("contact.model=boundary_elements", "contact.nominal_pressure_Pa=1e6")
-    analysis = analyze_once(noisy_waves(2e-9), capslip.load_settings(overrides=given))
-    hurried = capslip.load_settings(overrides=(*given, "contact.time_limit_s=1e-6"))
-    EXPORT.write(replace(analysis, settings=hurried), tmp_path)
-    said = page_of(tmp_path)
-    assert not LEVEL.search(said)
-    for share in ("0.5", "0.25", "0.1"):
-        assert f"what its own level would change under {share} times that pressure" in said
-    assert said.count("k_t and w may be off by a factor of two there") == 3
+def test_pressures_that_find_no_level_are_named(of_two, tmp_path):
+    """There the scan lies as it was analysed."""
+    analysis = of_two[0].scans[0]
+    none_below_N = 0.3 * analysis.contact.preload_N
+
+    def at_level(load_N):
+        return None if load_N < none_below_N else analysis.contact.under(load_N)
+
+    contact = replace(analysis.contact, at_level=at_level)
+    (part,) = analysis.parts
+    found = law((replace(part, contact=contact),), 0.2)
+    p = found.pressure_Pa[found.pressure_Pa < 0.3 * found.scan_pressure_Pa]
+    assert found.no_level_Pa == tuple(p.tolist())
+    (line,) = _without_level(found)
+    assert f"under {p.size} of the {found.pressure_Pa.size} pressures" in line
+    assert f"from {p[0]:.4g} to {p[-1]:.4g} Pa" in line
+    assert _without_level(replace(found, no_level_Pa=())) == []
 
 
-@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
-def test_a_level_that_stays_is_no_doubt(alignment):
+def test_a_level_that_stays_leaves_one_bed():
     """Nine caps in a square, whose load point is in their middle, do not turn under any load."""
     caps = [(x, y, R, 0.0) for x, y, R, _ in CAPS]
-    sets = (f"contact.alignment={alignment}", "contact.model=interacting")
-    analysis = analyze_once(caps_map(caps, (240, 240)), capslip.load_settings(overrides=sets))
-    assert _of_level(analysis, 0.01) == []
+    surface, stiffness = caps_map(caps, (240, 240)), []
+    for alignment in ("balanced", "as_levelled"):
+        sets = (f"contact.alignment={alignment}", "contact.model=interacting")
+        analysis = analyze_once(surface, capslip.load_settings(overrides=sets))
+        found = law(analysis.parts, 0.2)
+        assert found.has_beds_alone
+        assert found.no_level_Pa == ()
+        stiffness.append(found.tangential_stiffness_Pa_per_m)
+    assert stiffness[0] == pytest.approx(stiffness[1], rel=1e-6)
 
 
 def test_doubts_go_with_the_law(of_two, tmp_path, same_law):
@@ -754,17 +785,16 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(yielding):
     assert all(f"{stated[1]:.1%} of w" in problem.message for problem in said)
     tables = tables_of(json.loads((folder / "law.json").read_text(encoding="utf-8")))
     area_m2, p0 = analysis.joint.scan_area_m2, analysis.joint.nominal_pressure_Pa
-    mu, kappa = 0.2, analysis.contact.composite.kappa
     for p in (p0, 0.03 * p0, 0.26 * p0, 0.4 * p0, 0.3 * p0):
-        after = ScaledCurve(analysis.contact.curve_after(float(p * area_m2)), 1 / area_m2)
-        slip = analysis.slip if p == p0 else slip_curve(after, p, mu, kappa)
+        slip = analysis.slip if p == p0 else slip_at(analysis, float(p))
         size = area_m2 if p == p0 else 1.0
         delta = np.array([0.1, 0.5, 0.9]) * slip.total_slip_displacement_m
         shear, loss = tables.shear_Pa(delta, p) * size, tables.loss_J_per_m2(delta, p) * size
         off = (1e-3, 5e-3) if p == p0 else stated
         np.testing.assert_allclose(shear, slip.force_N(delta), rtol=off[0])
         np.testing.assert_allclose(loss, slip.energy_J(delta), rtol=off[1])
-    one_bed = slip_at(analysis, p).energy_J(delta)  # of what the pressure of the scan flattened
+    # Of what the pressure of the scan flattened
+    one_bed = slip_along(analysis, p, analysis.contact).energy_J(delta)
     assert abs(one_bed[0] / slip.energy_J(delta[0]) - 1.0) > 0.02
     at_scan = np.isclose(law["pressure_Pa"], p0, rtol=1e-9)
     k_n = law["normal_stiffness_Pa_per_m"][at_scan][0]

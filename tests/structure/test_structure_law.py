@@ -30,6 +30,8 @@ def part_of(curve, name="families", joint=None, hardness=None, after=None, share
     state = SimpleNamespace(
         curve=curve,
         curve_after=after or (lambda load_N: curve),
+        at_level=None,  # it lies alike under all pressures
+        lacks_level=lambda _: False,
         hardness_Pa=hardness,
         rung=replace(rung(name), least_share=None),  # its curve is one of caps
         composite=STEEL if kappa is None else replace(STEEL, kappa=kappa),

@@ -1,5 +1,6 @@
 """The face under its preload: the normal curve that the settings ask for, and its state."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -119,6 +120,12 @@ class ContactState:
         if self.at_level is None or load_N == self.preload_N:
             return self.under(load_N)
         return self.at_level(load_N) or self.under(load_N)
+
+    def lacks_level(self, load_N: float) -> bool:
+        """Tell whether another load finds no level, so that the face lies as under its own."""
+        if self.at_level is None or math.isclose(load_N, self.preload_N):
+            return False
+        return self.at_level(load_N) is None
 
     def under(self, load_N: float, curve: NormalCurve | None = None) -> "ContactState":
         """Return what slip, errors and doubts ask of the face after a first loading to a load.

@@ -105,10 +105,7 @@ def problems_of_levels(
     joint: Joint, contact: ContactState, patches: Sequence[ContactState]
 ) -> list[Problem]:
     """Return whether patches of a joint find no level, and lie as the scan under the greatest."""
-    at_level = contact.at_level
-    if at_level is None:
-        return []
-    lost_N = [N for N in (one.preload_N for one in patches[:-1]) if at_level(N) is None]
+    lost_N = [N for N in (one.preload_N for one in patches[:-1]) if contact.lacks_level(N)]
     if not lost_N:
         return []
     of_greatest = percent(max(lost_N) / joint.scan_load_N)

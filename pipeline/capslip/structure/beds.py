@@ -9,12 +9,19 @@ from capslip.structure.interpolation import BED, LOADS, ROWS, closures_together_
 
 SAME_CURVE = 1e-6  # of a closure, by which a curve is another
 POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
-POINTS_OF_YIELDED = 400  # of each of many beds
+POINTS_OF_OWN = 400  # of each of many beds
 LEAST_DROP = 1e-3  # of a pressure, that the bed along which a map unloads from it resolves
 LOAD_SHARES = np.union1d(
-    np.geomspace(LEAST_LOAD, 0.5, POINTS_OF_YIELDED),
-    1.0 - np.append(np.geomspace(0.49, LEAST_DROP, POINTS_OF_YIELDED // 2), 0.0),
+    np.geomspace(LEAST_LOAD, 0.5, POINTS_OF_OWN),
+    1.0 - np.append(np.geomspace(0.49, LEAST_DROP, POINTS_OF_OWN // 2), 0.0),
 )
+
+
+def serves_all(slip: SlipCurve, rows: dict[str, np.ndarray]) -> bool:
+    """Tell whether the curve of the greatest pressure is that of the lower ones, too."""
+    curve = slip.curve
+    closure_m = np.asarray(curve.approach_m(rows[ROWS[0]])) - float(curve.touch_m)
+    return bool((np.abs(closure_m / rows[ROWS[1]] - 1.0) <= SAME_CURVE).all())
 
 
 def bed_of_curve(slip: SlipCurve, least_Pa: float) -> dict[str, np.ndarray]:
@@ -50,7 +57,7 @@ def beds_at_loads(
     the form of the next one: what touches there first, touches at one load in both.
     """
     pressure_Pa = np.array([float(slip.preload_N) for slip in slips])
-    n_points = POINTS if is_solved else POINTS_OF_YIELDED
+    n_points = POINTS if is_solved else POINTS_OF_OWN
     p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], n_points), pressure_Pa)
     p = p[np.append(np.diff(p) > SAME_CURVE * p[:-1], True)]
     most_Pa = pressure_Pa if is_solved else np.append(pressure_Pa[1:], pressure_Pa[-1])

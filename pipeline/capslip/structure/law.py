@@ -18,12 +18,12 @@ from capslip.structure.band_causes import NORMAL_95
 from capslip.structure.band_state import Part
 from capslip.structure.beds import (
     LEAST_LOAD,
-    SAME_CURVE,
     bed_of_curve,
     bed_of_solutions,
     beds_at_loads,
     beds_at_shares,
     closure_together_m,
+    serves_all,
 )
 from capslip.structure.interpolation import BED, OF_JOINT, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
@@ -32,8 +32,8 @@ from capslip.structure.jenkins import JenkinsElements, jenkins
 RATIO, BELOW, ABOVE = 10 ** (1 / 8), 16, 4  # p0 / 100 to 3.2 p0
 RATIO_SOLVED, BELOW_SOLVED = 10 ** (1 / 5), 5  # p0 / 10 to 2.5 p0, each solved on the map
 ABOVE_SOLVED = MAX_SOLVED - 1 - BELOW_SOLVED
-# Of a face that yields each pressure has a curve of its own; contacts touch in between
-RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED = 10 ** (1 / 16), 32, 8
+# Where each pressure has a curve of its own; contacts touch in between
+RATIO_OF_OWN, BELOW_OF_OWN, ABOVE_OF_OWN = 10 ** (1 / 16), 32, 8
 MOST_TURNS, BETWEEN = 4, 0.05  # in which pressures are added, where more is missing than that
 SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.46, 1e-2, 12), 0.0))
 # Each of several scans slips as a whole at a share of its own
@@ -73,6 +73,8 @@ class Law:
     scan_pressure_Pa: float  # under which the scans were analysed
     scans: int
     area_m2: float  # of all scans
+    finds_levels: bool  # whether a scan turns to the level of each pressure
+    no_level_Pa: tuple[float, ...]  # pressures that find none: there it lies as it was analysed
     ends: str  # why the pressures end where they do
     holds_bulk: bool  # whether the sinking of a half-space of the scan's size is in it
     hardness_Pa: float | None  # None: all is elastic
@@ -117,9 +119,10 @@ def law(
         p = N(d) / A,  k_n = N'(d) / A,  k_t = k_n / kappa
         tau(delta, p) = mu [N(d) - N(d - e)] / A,  e = delta / (mu kappa),  w likewise by Masing
 
-    A face that yields is loaded to each pressure once, and N(d) is the curve along which it unloads
-    from there: each pressure has its own. A model that solves the map anew for each load gets at
-    most `MAX_SOLVED` pressures, and two more halfway to the ends.
+    A face in balance lies under each pressure at the level that this one finds, and one that yields
+    is loaded to each pressure once, and N(d) is the curve along which it unloads from there: each
+    pressure has its own. A model that solves the map anew for each load gets at most `MAX_SOLVED`
+    pressures, and two more halfway to the ends.
 
     Of several scans it is that of their joint, in which each bears p and all move by one delta:
     k_n, k_t, tau and w are the means over the scans by their areas, and the scatter is their
@@ -155,7 +158,7 @@ def law(
     out: the first where it is elastic, the second where most of it yields.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
-    `contact.slip`. The tilt of the face is that under the pressure of the scan.
+    `contact.slip`.
     """
     check_kind("parts", parts, Sequence, "a list of what each scan says, as analysis.parts")
     for i, part in enumerate(parts):
@@ -199,6 +202,8 @@ def law(
         scan_pressure_Pa=scan_Pa,
         scans=len(parts),
         area_m2=sum(area_m2),
+        finds_levels=any(part.contact.at_level is not None for part in parts),
+        no_level_Pa=tuple(float(p[0].preload_N) for p in patches if _without_level(parts, p)),
         ends=ends,
         holds_bulk=any(contact.bulk for contact in contacts),
         hardness_Pa=contacts[0].hardness_Pa,
@@ -233,16 +238,16 @@ def _of_scans(
 ) -> tuple[dict[str, Any], ...]:
     """Return what `tables_of` takes of each scan under growing pressures.
 
-    The beds of a map that yields at equal shares of their pressures, or at equal loads.
+    Beds of a map, one for each pressure, at equal shares of their pressures, or at equal loads.
     """
     found = []
     for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
         rows, is_solved = _rows(slips, SHARES), part.contact.rung.solved_loads_N is not None
-        yields = part.contact.hardness_Pa is not None
+        own_curves = _has_own_curves(part)
         least_Pa = LEAST_LOAD * part.joint.scan_load_N / _area_m2(part.joint)
-        if yields and is_solved and at_shares:
+        if own_curves and is_solved and at_shares:
             tables = beds_at_shares(slips)
-        elif yields and (is_solved or _has_yielded(slips, rows)):
+        elif own_curves and (is_solved or not serves_all(slips[-1], rows)):
             tables = beds_at_loads(slips, least_Pa, is_solved)
         elif is_solved:
             tables = bed_of_solutions(rows)
@@ -257,11 +262,9 @@ def _has_one_bed(scan: dict[str, Any]) -> bool:
     return BED[0] in scan and np.ndim(scan[BED[0]]) == 1
 
 
-def _has_yielded(slips: Sequence[SlipCurve], rows: dict[str, np.ndarray]) -> bool:
-    """Tell whether the greatest pressure leaves another curve than the lower ones did."""
-    curve = slips[-1].curve
-    closure_m = np.asarray(curve.approach_m(rows["pressure_Pa"])) - float(curve.touch_m)
-    return bool((np.abs(closure_m / rows["closure_m"] - 1.0) > SAME_CURVE).any())
+def _has_own_curves(part: Part) -> bool:
+    """Tell whether each pressure may have a curve of its own: it yields, or finds a level anew."""
+    return part.contact.hardness_Pa is not None or part.contact.at_level is not None
 
 
 def _rows(slips: Sequence[SlipCurve], shares: np.ndarray) -> dict[str, np.ndarray]:
@@ -326,7 +329,7 @@ def _patches(
     """
     solves, ratio, below, above = _is_solved(parts), RATIO, BELOW, ABOVE
     if parts[0].contact.hardness_Pa is not None:
-        ratio, below, above = RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED
+        ratio, below, above = RATIO_OF_OWN, BELOW_OF_OWN, ABOVE_OF_OWN
     if solves:
         ratio, below, above = RATIO_SOLVED, BELOW_SOLVED, ABOVE_SOLVED
     patches: list[list[SlipCurve]] = []
@@ -358,13 +361,13 @@ def _refined(
 ) -> tuple[list[list[SlipCurve]], list[list[SlipCurve]]]:
     """Return patches under more pressures where the law between two needs them.
 
-    Where contacts touch and yield between two of them, and at both ends where each is solved. And
-    patches at the quarters between all, where each pressure has a bed of its own, to judge the law
-    by.
+    Where contacts touch or yield or the face turns between two of them, and at both ends where
+    each is solved. And patches at the quarters between all, where each pressure has a bed of its
+    own, to judge the law by.
     """
     if _is_solved(parts):
         return _with_ends_halved(parts, patches), []
-    if parts[0].contact.hardness_Pa is None:
+    if not any(map(_has_own_curves, parts)):
         return patches, []
     mu, kappa = patches[0][0].friction_coefficient, _together(parts, patches[0]).kappa
     to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
@@ -412,10 +415,20 @@ def _with_ends_halved(
 def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
     """Return the slip curve per area of a scan under its load times a factor."""
     contact, area_m2 = part.contact, _area_m2(part.joint)
-    load_N = part.joint.scan_load_N * factor
-    curve = contact.curve if factor == 1.0 else contact.curve_after(load_N)
+    pressure_Pa = part.joint.scan_load_N / area_m2 * factor
+    load_N = pressure_Pa * area_m2
+    curve = contact.curve
+    if factor != 1.0:
+        lying = contact if contact.at_level is None else contact.of_patch(load_N)
+        curve = lying.curve_after(load_N)
     per_area = curve_of_joint(curve, np.array([load_N]), np.array([1.0 / area_m2]))
-    return slip_curve(per_area, load_N / area_m2, friction_coefficient, contact.composite.kappa)
+    return slip_curve(per_area, pressure_Pa, friction_coefficient, contact.composite.kappa)
+
+
+def _without_level(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> bool:
+    """Tell whether one of the scans finds no level under the pressure of a patch."""
+    pairs = zip(parts, patch, strict=True)
+    return any(one.contact.lacks_level(slip.preload_N * _area_m2(one.joint)) for one, slip in pairs)
 
 
 def _between_solved(
@@ -431,8 +444,7 @@ def _between_solved(
     if len(inner) < 2:
         return best
     resolved = [np.array([_resolved_share(parts, patch)]) for patch in patches]
-    yields = parts[0].contact.hardness_Pa is not None
-    for at_shares in (False, True) if yields else (False,):
+    for at_shares in (False, True) if any(map(_has_own_curves, parts)) else (False,):
         found = []
         for i in inner:
             of_scans = _of_scans(parts, [*patches[:i], *patches[i + 1 :]], at_shares)

@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.disk import hdf5_in_memory
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
-from capslip.pressing import at_its_level, caps_hold, error_under, finds_its_level
+from capslip.pressing import caps_hold, error_under
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
-from capslip.structure.answer import DEFAULT_SHARE
 from capslip.structure.interpolation import LOADS, tables_of
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
 
@@ -75,7 +73,6 @@ APPROACH, RECOVERY = (
 )
 HOLDS = "Holds: "
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
-LIGHTER = (0.5, 0.25)  # shares of the pressure of the scan under which it may lie otherwise
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
 
 
@@ -100,7 +97,7 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     result = replace(result, problems=(*result.problems, *problems))
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
     of_least = float(found.pressure_Pa[0]) / found.scan_pressure_Pa
-    doubts += [line for scan in _scans(result) for line in _of_level(scan, of_least)]
+    doubts += _without_level(found)
     least = _error_at(result, of_least)
     if least is not None and not all(part.joint.is_even for part in result.parts):
         found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
@@ -126,47 +123,16 @@ def _inexact(found: Law, tolerance: float) -> tuple[Problem, ...]:
     return (Problem("export_inexact", "warning", message), *of_sliders)
 
 
-def _of_level(scan: Analysis, of_least: float) -> list[str]:
-    """Say what another level does under less pressure, where that is more than the tolerance.
-
-    The law has one level, so that one bed serves all pressures. A face that is analysed under less
-    finds its own, whether it is of caps or a map, and whether it yields or not. The last that is
-    asked for is the least of the law, a share of the pressure of the scan.
-    """
-    slip, contact = scan.slip, scan.contact
-    if slip is None or contact is None or not finds_its_level(scan.face, contact, scan.settings):
+def _without_level(found: Law) -> list[str]:
+    """Say where the face lies as it was analysed, as it finds no level of its own."""
+    if not found.no_level_Pa:
         return []
-    moved, unknown = [], []
-    for share in (*(one for one in LIGHTER if one > of_least), min(of_least, 1.0)):
-        load_N, mu = share * contact.preload_N, slip.friction_coefficient
-        try:
-            own = at_its_level(scan.face, contact, load_N, scan.settings)
-            anew = _seen(slip_curve(own.curve, load_N, mu, own.composite.kappa))
-            kept = contact.curve_after(load_N)
-            here = _seen(slip_curve(kept, load_N, mu, contact.composite.kappa))
-        except ContactError as failure:
-            unknown.append(
-                f"level: {scan.name} lies as it does under the pressure of the analysis; nobody "
-                f"knows what its own level would change under {share:.3g} times that pressure "
-                f"({failure}): k_t and w may be off by a factor of two there"
-            )
-            continue
-        stiffness, loss = np.array(anew) / here
-        if max(abs(stiffness - 1.0), abs(loss - 1.0)) > scan.settings.contact.tolerance:
-            moved.append(f"k_t by {stiffness:.2f} and w by {loss:.2f} under {share:.3g} times that")
-    if not moved:
-        return unknown
+    least, most = min(found.no_level_Pa), max(found.no_level_Pa)
     return [
-        f"level: {scan.name} lies as it does under the pressure of the analysis; to find its level "
-        f"anew would multiply {', '.join(moved)} pressure (w of cycles to a quarter of mu p)",
-        *unknown,
+        f"level: no level is found under {len(found.no_level_Pa)} of the {found.pressure_Pa.size} "
+        f"pressures, from {least:.4g} to {most:.4g} Pa: there the face lies as under "
+        f"{found.scan_pressure_Pa:.4g} Pa, and k_t and w may be off by a factor of two"
     ]
-
-
-def _seen(slip: SlipCurve) -> tuple[float, float]:
-    """Return the stiffness before slip, and the loss of a cycle up to a quarter of mu N."""
-    quarter_N = DEFAULT_SHARE * slip.friction_coefficient * slip.preload_N
-    return float(slip.tangential_stiffness_N_per_m), float(slip.energy_at_force_J(quarter_N))
 
 
 def _error_at(result: "JointResult", factor: float) -> float | None:
@@ -254,6 +220,12 @@ def about(
         "reached for the first time, and unload and slip elastically: the closure and its "
         "stiffness are those of unloading, and a face that bore more before is stiffer. "
     )
+    level = (
+        "each pressure at the level that the face finds under it, which stays while it slips and "
+        "unloads"
+        if found.finds_levels
+        else f"the tilt as under {found.scan_pressure_Pa:.4g} Pa"
+    )
     closure = APPROACH if found.hardness_Pa is None else RECOVERY
     scanned = (
         f"scan of {found.area_m2:.6g} m2"
@@ -278,8 +250,8 @@ def about(
         "for harmonic balance; law_calculix.inp, law_abaqus.inp: cards of a surface interaction.",
         f"{HOLDS}{p[0]:.4g} to {p[-1]:.4g} Pa, D from {D.min():.3g} to {D.max():.3g} m. It ends "
         f"there: {found.ends}.",
-        "Constant pressure during a cycle, one direction of slip, no turning of the face, the tilt "
-        f"as under {found.scan_pressure_Pa:.4g} Pa, " + yields + bulk,
+        f"Constant pressure and no turning during a cycle, one direction of slip, {level}, {yields}"
+        f"{bulk}",
         f"Error: of the model, estimated at {found.scan_pressure_Pa:.4g} Pa: {error}. Of law.py "
         f"against the model, {_off(found)}, measured {_measured_at(found)}. The dissipation of "
         "real joints is known to a factor of two to three at best (Bureau, Caroli and Baumberger "
