@@ -26,6 +26,7 @@ from capslip.contact.choice import (
 from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint, knowing_levels
+from capslip.contact.levelling import turned
 from capslip.contact.material import yield_law
 from capslip.contact.press import ContactState, press
 from capslip.contact.reach import reachable
@@ -347,8 +348,11 @@ def _at_its_level(
     flags = np.where(contact.use, face.caps.flags, face.caps.flags | UNUSABLE)
     caps = face.caps.with_columns(flags=flags)
     if face.level is not None:
-        given = contact.load_point_m, joint.settings_of_scan(settings), contact.at_ease_rad
-        caps = levelled(caps, contact.use, *given)
+        at_m = contact.load_point_m
+        given = at_m, joint.settings_of_scan(settings), contact.at_ease_rad
+        caps, slope = levelled(caps, contact.use, *given)
+        surface = turned(face.conditioned.surface, slope, at_m)
+        face = replace(face, conditioned=replace(face.conditioned, surface=surface))
     return replace(face, joint=joint, caps=caps), settings
 
 

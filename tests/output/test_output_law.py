@@ -23,7 +23,7 @@ from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named
 from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _off, _without_level, deck
-from capslip.pressing import caps_hold
+from capslip.pressing import caps_hold, error_under
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
@@ -677,6 +677,16 @@ def test_the_law_of_a_map_is_that_of_analyses_under_each_pressure(tmp_path, hard
     analysis = analyze_once(surface, capslip.load_settings(overrides=sets))
     EXPORT.write(analysis, tmp_path)
     assert law_against_analyses(analysis, tmp_path, surface, given, 0.05).max() > 0.2
+
+
+def test_the_error_of_caps_that_turn_is_known_under_less(written):
+    """What lies beside the caps turns with them, so it does not seem to touch."""
+    analysis, _ = written
+    face, contact, settings = analysis.face, analysis.contact, analysis.settings
+    load_N = 0.1 * contact.preload_N
+    alone = capslip.load_settings(overrides=(f"contact.preload_N={load_N}",))
+    expected = analyze_once(capslip.load_surface(FACE), alone).contact.estimated_error
+    assert error_under(face, contact, load_N, settings).greatest == pytest.approx(expected, rel=0.1)
 
 
 def test_pressures_that_find_no_level_are_named(of_two, tmp_path):

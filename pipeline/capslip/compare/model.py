@@ -210,7 +210,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         changed = msgspec.structs.replace(changed, contact=contact)
         if ease_rad is not None:
             at_m = load_point_m(surface, changed)
-            pressed = levelled(caps, caps.usable, at_m, changed, ease_rad)
+            pressed, _ = levelled(caps, caps.usable, at_m, changed, ease_rad)
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
             near = reachable(pressed, surface, composed.E_star_Pa, load_N, law).use

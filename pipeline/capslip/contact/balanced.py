@@ -8,6 +8,7 @@ import numpy as np
 from capslip.caps.table import CapTable
 from capslip.contact.material import composite, yield_law
 from capslip.contact.rung import pairs_in_balance, turning_stiffness
+from capslip.contact.solvers.balance import Equilibrium
 from capslip.contact.solvers.yielding import FirstLoading, first_loading, first_loading_at
 from capslip.settings import Settings
 
@@ -46,30 +47,21 @@ def rebalanced(
         peak_m, radius_m = before.peak_height_m[chosen], before.radius_m[chosen]
         level = press_balanced(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
         held = (held[0], level.load_N @ arms_m)
-    return balanced(caps, use, at_m, settings, held, start_m)
+    lying, rest = _balanced(caps, use, at_m, settings, held, start_m)
+    return lying, rest.compression_m
 
 
-def balanced(
+def _balanced(
     caps: CapTable,
     use: np.ndarray,
     at_m: tuple[float, float],
     settings: Settings,
     held: tuple[float, np.ndarray],
     start_m: np.ndarray | None = None,
-) -> tuple[CapTable, np.ndarray]:
-    """Return caps at their heights over the plane that balances them, and the compressions in use.
+) -> tuple[CapTable, Equilibrium]:
+    """Return caps at their heights over the plane that balances them, and how those in use rest.
 
-    Parameters
-    ----------
-    caps, use, at_m, settings, start_m
-        As of `rebalanced`.
-    held : (float, float64 of shape (2,))
-        As of `press_balanced`.
-
-    Raises
-    ------
-    ContactError
-        If the caps cannot carry the preload, or tip over.
+    Parameters are those of `rebalanced`, and what holds the plane as of `press_balanced`.
     """
     chosen = np.flatnonzero(use)
     arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
@@ -77,7 +69,7 @@ def balanced(
     start = None if start_m is None else (start_m, None)
     rest = press_balanced(arm_m[chosen], peak_m, radius_m, settings, held, start).rest
     up_m = arm_m @ np.array(rest.slope)
-    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
+    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest
 
 
 def levelled(
@@ -86,13 +78,20 @@ def levelled(
     at_m: tuple[float, float],
     settings: Settings,
     at_ease_rad: tuple[float, float],
-) -> CapTable:
-    """Return caps over the plane that balances them under any preload, as `balanced` has it.
+) -> tuple[CapTable, tuple[float, float]]:
+    """Return caps over the plane that balances them under any preload, and its slopes (x, y).
 
-    Against what holds it upright, which is at ease at these slopes (x, y) on it.
+    Against what holds it upright, which is at ease at other slopes on it.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload, or tip over.
     """
     stiffness = turning_stiffness(settings)
-    return balanced(caps, use, at_m, settings, (stiffness, stiffness * np.array(at_ease_rad)))[0]
+    held = stiffness, stiffness * np.array(at_ease_rad)
+    lying, rest = _balanced(caps, use, at_m, settings, held)
+    return lying, rest.slope
 
 
 def press_balanced(
