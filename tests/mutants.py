@@ -178,7 +178,7 @@ TABLE = [
         ("contact/solvers/refinement.py",),
         (
             *("tests/contact/test_*patches*.py", "tests/contact/test_*between*.py"),
-            "tests/contact/test_*yielding_map*.py",
+            *("tests/contact/test_*yielding_map*.py", "tests/contact/test_*spline*.py"),
         ),
     ),
     (

@@ -115,7 +115,7 @@ def test_detail_that_is_smooth_from_pixel_to_pixel_is_a_note_where_the_force_ask
     scene = Scene((100, 150), (2e-4, 2e-4), seed=2, roughness_rms_m=2e-7, roughness_length_m=1e-3)
     scan, truth = (
         bem.boundary_elements(synthetic_surface(scene, finer=finer)[0], E_STAR_PA, preload_N=100.0)
-        for finer in (1, 2)
+        for finer in (1, 4)
     )
     truth = truth.at_forces(detail.FORCE_SHARES)
     stated, said = error_of_map(scan, 100.0, TOLERANCE)

@@ -18,6 +18,7 @@ from capslip.contact.solvers.detail import (
     effect_of_detail,
     effect_of_pixels,
     effect_of_refinement,
+    effect_of_spline,
 )
 from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise
 from capslip.contact.solvers.noise import (
@@ -243,7 +244,10 @@ def _pressed_again(
     )
     changes: dict[float, float] = {}
     if unloading.refinement > 1:
-        changes = effect_of_refinement(face, pressed, unloading, tolerance)
+        each = [effect_of_refinement(face, pressed, unloading, tolerance)]
+        if unloading.spline == "fifth":
+            each.append(effect_of_spline(face, pressed, unloading, tolerance))
+        changes = {at: max(one.get(at, 0.0) for one in each) for at in FORCE_SHARES}
     elif face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
         left_s = solutions.left_s(load_N)
         changes = effect_of_pixels(first, unloading, tolerance, pressed.pressure_Pa, left_s)

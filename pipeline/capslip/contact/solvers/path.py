@@ -17,7 +17,7 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     punch,
 )
-from capslip.contact.solvers.refinement import refinement, touches_between
+from capslip.contact.solvers.refinement import refinement, spline_of, touches_between
 from capslip.contact.solvers.starts import Known, start_Pa
 from capslip.contact.solvers.tilting import press_about
 
@@ -64,11 +64,13 @@ class Path:
         around: PatchedFace | None = None,  # from `around_contact`, where it is known
         most: float = math.inf,  # points along the longer side of a pixel
         until_s: float = math.inf,  # of `thread_time`, when a solution is given up
+        other: bool = False,  # whether what lies between smooth pixels is another guess
     ) -> None:
         region = pressed.region
         self.map, self.map_pressed, self.patches, self.until_s = face, pressed, None, until_s
         if on_patches:
-            self.patches, face, pressed, region = _on_patches(face, pressed, around, most, until_s)
+            given = around, most, until_s, other
+            self.patches, face, pressed, region = _on_patches(face, pressed, *given)
         at = np.flatnonzero(pressed.pressure_Pa)
         pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
         # Gaps that are left are taken for heights: of a face all but the same the state is exact,
@@ -279,6 +281,7 @@ def _on_patches(
     around: PatchedFace | None,
     most: float,
     until_s: float,
+    other: bool,
 ) -> tuple[PatchedFace | None, ElasticFace, Pressed, np.ndarray]:
     """Return patches around the contact, and face, state and regions under the preload on them.
 
@@ -289,6 +292,8 @@ def _on_patches(
     finest = int(min(finest, most))
     if finest > 1:  # its points may find a contact that no pixel of the map has
         contact, around = contact | touches_between(face, pressed), None
+        spline = spline_of(face, pressed)
+        face = replace(face, spline="other" if other and spline == "fifth" else spline)
     patches, near_Pa = around or around_contact(face, contact, finest), pressed.pressure_Pa
     while patches is not None:
         begin_Pa = patches.gathered(near_Pa)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.elastic_face import ElasticFace, Spline
 from capslip.contact.solvers.patches import MOST_OF_ROUGH
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
 
@@ -31,6 +31,7 @@ _SWING = 2.0  # of the roughness, that a spline may swing: the greatest of many 
 SMOOTH, _ORDER = 0.0055, 8
 _SMOOTH_OF_FLATS = 0.03  # the same where flats are: these do not care what was there before
 _RINGING = 2.0 - math.sqrt(3.0)  # how a cubic spline's swing falls from pixel to pixel
+_OF_FIFTH = 0.430575  # the same of a spline of the fifth degree
 # What a spline may swing at the end of a smooth contact, of the step there from pixel to pixel
 _OF_STEP = 0.05
 _SEEN = 8  # pixels beside a contact, beyond which nothing makes a spline swing there
@@ -61,6 +62,29 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
         n_pixels = int(np.count_nonzero(pressed.pressure_Pa))
         most = int(_MOST_REFINED * finer * math.sqrt(max(_FEW_PIXELS / n_pixels, 1.0)))
     return min(most, int(np.ceil(_WIDE / across)))
+
+
+def spline_of(face: ElasticFace, pressed: Pressed) -> Spline:
+    """Return the degree of the spline that knows best what lies between the pixels of contacts.
+
+    The fifth follows waves of 5 to 8 pixels ten times closer than the third does, which leaves up
+    to 6 % in the energy at a tenth of mu N on contacts of few of them. It swings further beside
+    what is not smooth: there, beside lost points, and where a load has left flats, the third.
+    """
+    from scipy.ndimage import binary_dilation
+
+    contact = pressed.pressure_Pa > 0
+    if _has_flats(face, pressed):
+        return "third"
+    window = face.measured_window
+    if not face.measured[window].all():
+        near = binary_dilation(contact[window], np.ones((2 * _SEEN + 1,) * 2))
+        if not face.measured[window][near].all():
+            return "third"
+    shape = _roughness(face, pressed)
+    if shape.smooth and not _rings(shape.noise_m2, pressed, shape.most_m, _OF_FIFTH):
+        return "fifth"
+    return "third"
 
 
 class _Roughness(NamedTuple):
@@ -183,7 +207,9 @@ def _swings_m(shape: _Roughness, at: tuple[np.ndarray, ...]) -> np.ndarray:
     return (around * _RINGING ** np.hypot(along[:, None], along)).max(axis=(1, 2))
 
 
-def _rings(square_m2: np.ndarray, pressed: Pressed, most_m: float) -> bool:
+def _rings(
+    square_m2: np.ndarray, pressed: Pressed, most_m: float, ringing: float = _RINGING
+) -> bool:
     """Tell whether a spline swings by more in a contact because of a pit or a step beside it.
 
     What is off its neighbours at one pixel, squared, makes a cubic spline swing about it, by 0.27
@@ -196,7 +222,7 @@ def _rings(square_m2: np.ndarray, pressed: Pressed, most_m: float) -> bool:
     if not rough.any():
         return False
     pixels = distance_transform_edt(~contact)[rough]
-    return bool((np.sqrt(square_m2[rough]) * _RINGING**pixels > most_m).any())
+    return bool((np.sqrt(square_m2[rough]) * ringing**pixels > most_m).any())
 
 
 def _swing_m(face: ElasticFace, pressed: Pressed) -> float:

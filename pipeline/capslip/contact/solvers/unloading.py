@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from capslip.contact.solvers.elastic_face import Spline
 from capslip.contact.solvers.letting_go import LettingGo, letting_go
 from capslip.contact.solvers.losses import (
     RIGID,
@@ -62,6 +63,7 @@ class Unloading:
     loss_error: float  # expected between the solved loads from a tenth of the preload on, relative
     smallest_drop_N: float  # below it the loss may be off by more than 5 %: too few pixels slip
     refinement: int = 1  # points along the longer side of a pixel of the map, that were solved
+    spline: Spline = "third"  # of what lies between these pixels
     # Worst gap off the contact that patches leave out, over the approach, at preload and below it:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
@@ -200,15 +202,16 @@ def path_at(
     around: PatchedFace | None = None,
     most: float = math.inf,
     until_s: float = math.inf,
+    other: bool = False,
 ) -> tuple[Path, float]:
     """Return the solutions where shares of the load are gone, growing, and the patches' error.
 
     On the map itself where that would be too great. Parameters are those of `unload`, and the most
-    points that a refinement may put along the longer side of a pixel; and when, by `thread_time`, a
-    solution is given up.
+    points that a refinement may put along the longer side of a pixel; when, by `thread_time`, a
+    solution is given up; and whether what lies between smooth pixels is another guess.
     """
     for on_patches, known in ((True, (punch_Pa_per_m, around)), (False, (None, None))):
-        path = Path(face, pressed, tolerance, on_patches, *known, most, until_s)
+        path = Path(face, pressed, tolerance, on_patches, *known, most, until_s, other)
         for share in shares:
             path.at(share)
         error = path.patch_error()
@@ -440,6 +443,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         loss_error=max(errors, default=0.0),
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
+        spline="third" if path.patches is None else path.patches.spline,
         cut_short=cut_short,
         unknown_to_N=_unknown_to_N(path, intervals),
         of_pixels=_of_pixels(path),
