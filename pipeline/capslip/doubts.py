@@ -37,6 +37,7 @@ from capslip.structure.doubts import problems_of_structure
 from capslip.surface.blocks import coarse_map, coarse_step
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import (
+    problems_of_long_waves,
     problems_of_points,
     problems_of_ripple,
     problems_of_scan,
@@ -107,6 +108,9 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *_of_outline(face),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
+        *problems_of_long_waves(
+            surface, face.conditioned.unfiltered_as_turned(), contact.approach_m
+        ),
         *_of_fewer_points(contact, face.conditioned),
         *_of_floor(contact, found.surface, mate, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),

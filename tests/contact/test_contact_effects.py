@@ -667,6 +667,56 @@ def test_fewer_points_move_what_all_that_were_measured_change(seed, length_m, se
     assert (max(asked, said.effect.tangential_stiffness) > 0.05) == (severity == "warning")
 
 
+FILTER = "conditioning.l_filter_nesting_index_m"
+
+
+@pytest.mark.parametrize(
+    ("made", "index_m", "severity"),
+    [
+        (lambda: of_waves(4), 4e-3, "warning"),
+        (lambda: of_waves(5), 12e-3, "warning"),
+        (lambda: face(), 0.02, "warning"),
+        (lambda: face(), 0.048, "info"),
+    ],
+)
+def test_a_filter_of_long_waves_moves_what_the_map_without_it_changes(made, index_m, severity):
+    """And is a warning by that: it takes off what bears the load."""
+    words = ("contact.model=boundary_elements",)
+    whole, other = found(made(), *words), found(made(), *words, f"{FILTER}={index_m}")
+    assert_moves(other, whole, severity, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("peaks", "index_m", "severity"),
+    [(PEAKS, 0.02, "warning"), (PEAKS, 0.048, "info"), (MORE, 0.02, "warning")],
+)
+def test_a_filter_of_long_waves_lowers_caps_and_makes_them_sharper(peaks, index_m, severity):
+    """By the curvature of the waves, without which the stiffness moves by a twentieth of that."""
+    words = ("contact.model=interacting",)
+    whole, other = (found(face(peaks), *words, *one) for one in ((), (f"{FILTER}={index_m}",)))
+    assert_moves(other, whole, severity, 0.05)
+
+
+def assert_moves(other, whole, severity, within):
+    """Assert that what a filter is said to move is what the face without it changes."""
+    assert "long_waves_filtered" not in {one.code for one in whole.problems}
+    (said,) = [one for one in other.problems if one.code == "long_waves_filtered"]
+    stiffness = [one.slip.tangential_stiffness_N_per_m for one in (other, whole)]
+    moved, energy = abs(stiffness[1] / stiffness[0] - 1), moved_energy(other, whole)
+    assert said.effect.tangential_stiffness == pytest.approx(moved, rel=within, abs=1e-3)
+    assert said.effect.energy == pytest.approx(energy, rel=within, abs=2e-3)
+    assert said.severity == severity
+    assert (max(moved, moved_energy(other, whole, LARGE)) > 0.05) == (severity == "warning")
+
+
+def test_a_filter_that_takes_nothing_off_is_no_doubt():
+    """Hills in rows, far closer than the waves that are taken off."""
+    y, x = np.indices((60, 80))
+    hills_m = 1e-7 * np.cos(2.0 * np.pi * x / 8.0) * np.cos(2.0 * np.pi * y / 6.0)
+    one = found(HeightMap(hills_m, (2e-4, 2e-4)), *PRESSED, f"{FILTER}=12e-3")
+    assert "long_waves_filtered" not in {problem.code for problem in one.problems}
+
+
 def test_fewer_points_are_not_followed_again_to_be_held_against_more(monkeypatch):
     """Their slip is known from the answer: the finer map alone is followed, at few forces."""
     followed, whole = [], BoundaryElementCurve.at_forces

@@ -49,6 +49,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
         removed=SimpleNamespace(both_ways=both_ways, n_lifted=n_lifted),
         seams=None,
         finer_as_turned=lambda: None,
+        unfiltered_as_turned=lambda: None,
         surface=SimpleNamespace(
             height_m=height_m,
             tops=tops,
@@ -171,6 +172,7 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
         ("seams", "warning", face(), True),
         ("seams", "info", face(), False),
         ("resampled_coarser", "warning", face(), True),
+        ("long_waves_filtered", "warning", face(), True),
         ("bow_left", "info", face(), True),
         ("clipped", "warning", face(), True),
         ("load_on_doubtful_caps", "warning", face(), True),

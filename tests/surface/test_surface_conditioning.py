@@ -257,6 +257,27 @@ def test_tilt_missing_points_and_spikes_leave_the_caps_alone(name):
     np.testing.assert_allclose(caps.radius_m.mean(), expected.radius_m.mean(), rtol=0.01)
 
 
+@pytest.mark.parametrize("shape", [None, (57, 82)])
+def test_what_a_filter_of_long_waves_took_off_is_kept(shape):
+    """On the points of the surface, and turned with it."""
+    surface = HeightMap(rough(), PIXEL_M)
+    whole, short = (
+        condition(surface, l_filter_nesting_index_m=index_m, resample_to=shape)
+        for index_m in (None, 2e-3)
+    )
+    assert whole.unfiltered is None
+    assert whole.unfiltered_as_turned() is None
+    assert whole.whole.shape == whole.surface.shape
+    np.testing.assert_array_equal(short.unfiltered.height_m, whole.surface.height_m)
+    assert short.whole is short.unfiltered
+    (dy_m, dx_m), (row, col) = short.surface.pixel_size_m, np.indices(short.surface.shape)
+    plane_m = 1e-4 * (col + 0.5) * dx_m - 3e-4 * (row + 0.5) * dy_m
+    turned = replace(short.surface, height_m=short.surface.height_m + plane_m)
+    face = short.turned(turned, (1e-4, -3e-4), (0.0, 0.0), {"step": "level"})
+    level_m = face.unfiltered_as_turned().height_m - short.unfiltered.height_m - plane_m
+    assert np.ptp(level_m) < 1e-15
+
+
 def test_condition_is_quick_and_small():
     scene = Scene(families=(CapFamily("G", 5, 23.8),), noise_rms_m=2e-9, tilt=(1e-3, 0.0))
     scene = replace(scene, n_spikes=100, spike_m=2e-6, non_measured_fraction=0.05)

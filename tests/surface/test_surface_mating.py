@@ -346,6 +346,26 @@ def test_mated_faces_are_conditioned_and_tell_their_steps():
     json.dumps(both.steps, allow_nan=False)
 
 
+@pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
+def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_long_waves(filtered):
+    shape = (60, 90)
+    scans = [HeightMap(waves(shape, seed), PIXEL_M) for seed in (1, 2)]
+    index_m = 0.5 * min(scans[0].side_m)
+    whole = [condition(one) for one in scans]
+    faces = [
+        condition(one, l_filter_nesting_index_m=index_m if short else None)
+        for one, short in zip(scans, filtered, strict=True)
+    ]
+    placement = place(*(one.surface for one in faces), offset_m=(3e-4, -7e-4))
+    both = mate(*faces, placement)
+    assert mate(*faces, placement, way="together").unfiltered is None
+    if not any(filtered):
+        assert both.unfiltered is None
+        return
+    expected = composite_surface(*(one.surface for one in whole), placement)
+    np.testing.assert_allclose(both.unfiltered.height_m, expected.height_m, atol=1e-20)
+
+
 @pytest.mark.parametrize("fewer", [(True, True), (True, False), (False, True), (False, False)])
 def test_the_sum_of_faces_of_fewer_points_knows_that_of_what_was_measured(fewer):
     """Whichever of both has fewer; caps of either keep their radii, and are held against none."""

@@ -39,7 +39,9 @@ OF_THE_HEIGHTS = (
 )
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
-COARSER = "resampled_coarser"
+COARSER, FILTERED = "resampled_coarser", "long_waves_filtered"
+# Doubts that are warnings where nobody knows what they move, and why nobody does
+UNKNOWN = {COARSER: "more points have no answer", FILTERED: "the face with them has no answer"}
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
 
@@ -91,10 +93,11 @@ def with_effects(
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
     the rest, and so may what is open to the edge of the map; points that were removed may have been
-    there. Where the map itself answers, bow and levels are taken off it, on points so far apart
-    that this costs little, where these tell; removed points that may matter are put back; of one
-    that was interpolated, the measured points alone are pressed, of one that was filled, fewer of
-    them, of one that was resampled to fewer, more, and of one with a ripple, the same without it.
+    there; long waves that a filter took off may be the face's own. Where the map itself answers,
+    bow and levels are taken off it, and long waves put back, on points so far apart that this costs
+    little, where these tell; removed points that may matter are put back; of one that was
+    interpolated, the measured points alone are pressed, of one that was filled, fewer of them, of
+    one that was resampled to fewer, more, and of one with a ripple, the same without it.
     Within `contact.tolerance` it is information, and so are removed points that stand off both
     ways, as errors do; else a warning. What moves the energy at smaller forces alone than those
     that are asked for is only noted.
@@ -117,8 +120,8 @@ def with_effects(
     least_share : float
         Of mu N, the least force that is asked for; from a quarter on it is all the same.
     """
-    finer = conditioned.finer_as_turned()
-    face = FaceOfCaps(conditioned.surface, settings, conditioned.seams, finer)
+    others = conditioned.finer_as_turned(), conditioned.unfiltered_as_turned()
+    face = FaceOfCaps(conditioned.surface, settings, conditioned.seams, *others)
     tolerance = settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
     filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
@@ -233,6 +236,12 @@ def _seams_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     return tuple(thinned(one) for one in maps)
 
 
+def _filtered_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
+    """Return a thinned map, and the same with the long waves that a filter took off."""
+    maps = face.surface, *([] if face.unfiltered is None else [face.unfiltered])
+    return tuple(thinned(one) for one in maps)
+
+
 def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     """Return a map, and that of its measured points alone."""
     surface = face.surface
@@ -270,6 +279,7 @@ OF_FEWER_POINTS = {
     "tilt_left": _tilt_or_not,
     "bow_left": _bow_or_not,
     "seams": _seams_or_not,
+    FILTERED: _filtered_or_not,
 }
 OF_THE_MAP = {
     "interpolated": _interpolated_or_not,
@@ -393,12 +403,12 @@ def _as_severe(
     """Return a problem with its effect, and as severe as that unless it is a firm warning.
 
     Patches that were lifted are a warning where nobody knows what they move, too; so are fewer
-    points than were measured, and that is said.
+    points than were measured and a filter of long waves, and that is said.
     """
     firm = _is_firm(problem, conditioned, caps)
     unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
-    if moved is None and problem.code == COARSER:
-        message = f"{problem.message}; nobody knows what that moves: more points have no answer"
+    if moved is None and problem.code in UNKNOWN:
+        message = f"{problem.message}; nobody knows what that moves: {UNKNOWN[problem.code]}"
         return replace(problem, severity="warning", message=message)
     if moved is None:
         return replace(problem, severity="warning") if unknown_matters else problem

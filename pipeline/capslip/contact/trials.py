@@ -24,6 +24,7 @@ from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
+from capslip.surface.filters import long_waves_at
 from capslip.surface.flatness import bows_m, degree_taken_off, known_flatness_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
@@ -52,6 +53,7 @@ class FaceOfCaps:
     settings: Settings
     seams: Seams | None = None  # of the map
     finer: HeightMap | None = None  # the same map on more points, see `Conditioned`
+    unfiltered: HeightMap | None = None  # the same with its long waves, see there
 
     def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
         """Return the caps over the plane that balances them, and their curve with interaction."""
@@ -144,6 +146,8 @@ class Trials:
             yield self._levelled()
         elif code == "seams":
             yield from self._in_one_field()
+        elif code == "long_waves_filtered":
+            yield self._with_long_waves()
         elif code in ("interpolated", "points_filled", "resampled_coarser", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
@@ -176,13 +180,18 @@ class Trials:
         level = coarse_map(surface)
         taken_off = degree_taken_off(self.face.settings.conditioning)
         unbowed, straight = without_bow(caps, level, self.peaks, taken_off)
+        self._refuse_others(unbowed, level, straight)
+        yield unbowed
+
+    def _refuse_others(self, moved: CapTable, level: HeightMap, other: HeightMap) -> None:
+        """Refuse moved caps where a hill below the cut of a map would touch as the map is moved."""
+        caps = self.caps
         cut_m = float((caps.peak_height_m - caps.cap_height_m)[caps.usable].min())
         row, col = np.nonzero(level.height_m < cut_m)
         dy_m, dx_m = level.pixel_size_m
-        below_m = (col + 0.5) * dx_m, (row + 0.5) * dy_m, straight.height_m[row, col]
-        if (self.face.stands_up_m(unbowed, *below_m) > 0.0).any():
-            raise ContactError("without the bow hills below the cut touch, which are no caps yet")
-        yield unbowed
+        below_m = (col + 0.5) * dx_m, (row + 0.5) * dy_m, other.height_m[row, col]
+        if (self.face.stands_up_m(moved, *below_m) > 0.0).any():
+            raise ContactError("hills below the cut touch then, which are no caps yet")
 
     def _levelled(self) -> CapTable:
         """Return caps without the tilt of the least-squares plane; their radii stay."""
@@ -205,6 +214,26 @@ class Trials:
         at = surface.pixel_at(caps.x_m, caps.y_m)
         for up_m in (levels_m(seams), tilts_m(seams)):
             yield caps.with_columns(peak_height_m=caps.peak_height_m - up_m[at])
+
+    def _with_long_waves(self) -> CapTable:
+        """Return caps on the long waves that a filter took off, as blunt as these make them.
+
+        Not where a hill below the cut would touch as well on these.
+        """
+        caps, surface, unfiltered = self.caps, self.face.surface, self.face.unfiltered
+        if unfiltered is None:
+            raise ContactError("no long waves were taken off the map that was pressed")
+        up_m, curvature_per_m = long_waves_at(surface, unfiltered, caps.x_m, caps.y_m)
+        sharp = 1.0 - caps.radius_m * curvature_per_m
+        if not (np.isfinite(up_m) & (sharp > 0.0))[caps.usable].all():
+            raise ContactError("nobody knows what a cap is with the long waves below its apex")
+        sharp = np.where(caps.usable, sharp, 1.0)
+        moved = caps.with_columns(
+            peak_height_m=caps.peak_height_m + np.where(caps.usable, up_m, 0.0),
+            radius_m=caps.radius_m / sharp,
+        )
+        self._refuse_others(moved, coarse_map(surface), coarse_map(unfiltered))
+        return moved
 
     def _without(self, flag: CapFlag) -> CapTable:
         """Return caps of which those with the flag carry nothing, or less.

@@ -51,6 +51,9 @@ class Conditioned:
     finer : HeightMap, or None
         The same face on more points where it was resampled to fewer, see `finer_than`; without the
         planes that were added since.
+    unfiltered : HeightMap, or None
+        The same face with the long waves that a filter took off; without the planes that were added
+        since.
     measured_shape : (int, int), or None
         (ny, nx) before it was resampled; None where nobody knows.
     """
@@ -66,6 +69,7 @@ class Conditioned:
     second_m: np.ndarray | None = None
     tops_of_scans: tuple[Tops | None, ...] = ()
     finer: HeightMap | None = None
+    unfiltered: HeightMap | None = None
     measured_shape: tuple[int, int] | None = None
 
     @cached_property
@@ -99,12 +103,23 @@ class Conditioned:
         """Return the map before planes were added, but for a constant."""
         return _sloped(self.surface, (-self.slope[0], -self.slope[1]))
 
+    @property
+    def whole(self) -> HeightMap:
+        """Return the map as it was fitted, with the long waves that a filter took off."""
+        return self.as_fitted() if self.unfiltered is None else self.unfiltered
+
     def finer_as_turned(self) -> HeightMap | None:
         """Return `finer` as the surface lies, but for a constant, and with its voids."""
-        if self.finer is None:
+        return self._as_turned(self.finer)
+
+    def unfiltered_as_turned(self) -> HeightMap | None:
+        """Return `unfiltered` as the surface lies, but for a constant, and with its voids."""
+        return self._as_turned(self.unfiltered)
+
+    def _as_turned(self, other: HeightMap | None) -> HeightMap | None:
+        if other is None:
             return None
-        finer = self.finer.as_void() if self.surface.void else self.finer
-        return _sloped(finer, self.slope)
+        return _sloped(other.as_void() if self.surface.void else other, self.slope)
 
 
 def condition(
@@ -200,21 +215,22 @@ def condition(
     if s_filter_nesting_index_m is not None:
         surface = gaussian_s_filter(surface, s_filter_nesting_index_m)
         steps.append({"step": "s_filter", "nesting_index_m": s_filter_nesting_index_m})
+    also: dict[str, Any] = {}
     if l_filter_nesting_index_m is not None:
+        also["unfiltered"] = surface if resample_to is None else resample(surface, resample_to)
         surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
         steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
-    resampled: dict[str, Any] = {}
     if resample_to is not None:
         measured, surface = surface, resample(surface, resample_to)
         problems += problems_of_resampling(measured, surface)
-        resampled = {"finer": finer_than(surface, measured), "measured_shape": measured.shape}
+        also |= {"finer": finer_than(surface, measured), "measured_shape": measured.shape}
         steps.append({"step": "resampling", "shape": list(surface.shape)})
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
     removed = found if removed_m.size else Outliers()
-    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,), **resampled)
+    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,), **also)
 
 
 def _sloped(surface: HeightMap, slope: tuple[float, float]) -> HeightMap:

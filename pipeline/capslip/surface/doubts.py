@@ -1,6 +1,7 @@
 """What makes a height map doubtful before anything is computed from it."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -217,6 +218,35 @@ def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
         f"approach is {approach_m:.3g} m"
     )
     return [Problem("ripple", "warning", message)]
+
+
+def problems_of_long_waves(
+    surface: HeightMap, unfiltered: HeightMap | None, approach_m: float
+) -> list[Problem]:
+    """Return whether a filter took off long waves that may bear the load.
+
+    Beside a plane, which a face finds for itself. Lower than a ripple that is seen they are none.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        After the filter.
+    unfiltered : HeightMap or None
+        The same face, on the same points, before it; None where there was none.
+    approach_m : float
+        With which the waves are compared.
+    """
+    if unfiltered is None:
+        return []
+    long = replace(surface, height_m=unfiltered.height_m - surface.height_m)
+    height_m = float(np.ptp(remove_form(long, "plane")[0].height_m[surface.measured]))
+    if height_m <= VISIBLE_RIPPLE * approach_m:
+        return []
+    message = (
+        f"the L-filter took off long waves {height_m:.3g} m high, the approach is "
+        f"{approach_m:.3g} m: where they are the face's own, they decide what touches"
+    )
+    return [Problem("long_waves_filtered", "warning", message)]
 
 
 def problems_of_mating(

@@ -53,6 +53,32 @@ def gaussian_l_filter(surface: HeightMap, nesting_index_m: float) -> HeightMap:
     return replace(surface, height_m=np.subtract(surface.height_m, long_m, out=long_m))
 
 
+def long_waves_at(
+    surface: HeightMap, unfiltered: HeightMap, x_m: np.ndarray, y_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights and mean curvatures of what `gaussian_l_filter` took off, at places.
+
+    Parameters
+    ----------
+    surface, unfiltered : HeightMap
+        After the filter and before it, on the same points.
+    x_m, y_m : float64, shape (n,)
+        Places.
+
+    Returns
+    -------
+    float64, shape (n,), twice
+        Heights, m, and the mean of the curvatures along both axes, 1/m; NaN where not measured.
+    """
+    long_m, (dy_m, dx_m) = unfiltered.height_m - surface.height_m, surface.pixel_size_m
+    rows, cols = surface.pixel_at(x_m, y_m)
+    y, x = np.clip(rows, 1, long_m.shape[0] - 2), np.clip(cols, 1, long_m.shape[1] - 2)
+    twice_m = 2.0 * long_m[y, x]
+    along_y_per_m = (long_m[y - 1, x] - twice_m + long_m[y + 1, x]) / dy_m**2
+    along_x_per_m = (long_m[y, x - 1] - twice_m + long_m[y, x + 1]) / dx_m**2
+    return long_m[rows, cols], 0.5 * (along_y_per_m + along_x_per_m)
+
+
 def _check(surface: HeightMap, nesting_index_m: float, which: str) -> None:
     shortest_m = MIN_PIXELS * max(surface.pixel_size_m)
     longest_m = min(surface.side_m)

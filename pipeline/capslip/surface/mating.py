@@ -317,6 +317,7 @@ def mate(
             problems=told,
             tops_of_scans=tops,
             finer=None,
+            unfiltered=None,
         )
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
@@ -326,13 +327,19 @@ def mate(
     sq_m, sz_m = sq_and_sz_m(surface)
     second_m = surface.height_m - on_same.height_m
     found = surface, sq_m, sz_m, steps, (*problems, *doubts)
-    finer = None
+    finer = unfiltered = None
+    fit = {"robust": robust, "floor": floor}
     if first.finer is not None or second.finer is not None:
-        both = first.finest, second.finest
-        finer = composite_surface(*both, placement, robust=robust, floor=floor)
-    shape = first.measured_shape
+        finer = composite_surface(first.finest, second.finest, placement, **fit)
+    if first.unfiltered is not None or second.unfiltered is not None:
+        unfiltered = composite_surface(first.whole, second.whole, placement, **fit)
     return Conditioned(
-        *found, second_m=second_m, tops_of_scans=tops, finer=finer, measured_shape=shape
+        *found,
+        second_m=second_m,
+        tops_of_scans=tops,
+        finer=finer,
+        unfiltered=unfiltered,
+        measured_shape=first.measured_shape,
     )
 
 
