@@ -31,6 +31,21 @@ def test_what_all_scans_have_is_told_once_and_the_rest_with_its_scan():
     ]  # fmt: skip
 
 
+def test_slip_is_known_from_where_the_maps_of_all_parts_resolve_it():
+    """Of caps from nothing on."""
+
+    def part(share):
+        least_share = None if share is None else lambda curve, load_N: share * curve * load_N
+        contact = SimpleNamespace(
+            rung=SimpleNamespace(least_share=least_share), normal=2.0, preload_N=3.0
+        )
+        return SimpleNamespace(contact=contact)
+
+    for shares, expected in (((), 0.0), ((None,), 0.0), ((0.01, 0.02, None), 0.12)):
+        found = SimpleNamespace(parts=tuple(part(share) for share in shares))
+        assert analysis._resolved_from(found) == pytest.approx(expected, abs=1e-15)
+
+
 def test_an_interval_leaves_out_what_another_face_would_move():
     effect = Effect(0.1, 0.1, 0.1)
     inside = next(code for code, kind in KINDS.items() if kind.in_interval and allows(kind))

@@ -243,11 +243,24 @@ def _answered(found: R, clock: Clock) -> R:
     """Return a result that has slip with damping and answer, and what makes these doubtful."""
     settings, slip = found.settings, found.slip
     assert slip is not None
-    beam, damping = damp(slip, settings, clock)
+    beam, damping = damp(slip, settings, clock, _resolved_from(found))
     doubts = problems_of_damping(damping, structure_name(settings), is_given(settings))
     answer, beyond = answer_to(settings.answer, slip, damping)
     problems = (*found.problems, *doubts, *beyond)
     return replace(found, beam=beam, damping=damping, answer=answer, problems=problems)
+
+
+def _resolved_from(found: JointResult) -> float:
+    """Return the share of gross slip from which the maps of all parts resolve what slips."""
+    pressed = [part.contact for part in found.parts]
+    return max(
+        (
+            one.rung.least_share(one.normal, one.preload_N)
+            for one in pressed
+            if one.rung.least_share is not None
+        ),
+        default=0.0,
+    )
 
 
 def _with_band(found: R, clock: Clock) -> R:

@@ -123,8 +123,13 @@ def find_face(
     return _two_maps(mated, (first, second), placement, settings, clock)
 
 
-def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:
-    """Return the mode of the beam, where the settings have one, and the damping of the mode."""
+def damp(
+    slip: SlipCurve, settings: Settings, clock: Clock, resolved_from: float = 0.0
+) -> tuple[BeamMode | None, Damping]:
+    """Return the mode of the beam, where the settings have one, and the damping of the mode.
+
+    `resolved_from` is the share of gross slip from which the slip is known.
+    """
     with clock("structure"):
         beam, modal_N_per_m, joint_N_per_m = stiffnesses(settings)
     with clock("damping"):
@@ -133,6 +138,7 @@ def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | 
             modal_stiffness_N_per_m=modal_N_per_m,
             joint_stiffness_N_per_m=joint_N_per_m,
             joints=settings.structure.joints,
+            resolved_from=resolved_from,
         )
     return beam, damping
 

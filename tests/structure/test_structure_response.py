@@ -154,6 +154,25 @@ def test_one_maximum_or_the_greatest_first_is_no_other(share):
         assert damping.amplitude_at_first_peak_m is None
 
 
+def test_what_is_not_resolved_is_no_maximum():
+    """Neither before the greatest nor as the greatest, on the grid or below it."""
+    curve = Humps(0.9, 30.0, 16.0)
+    whole = response(curve, K_M, K_S, 1)
+    first = whole.amplitude_at_first_peak_m / whole.gross_slip_amplitude_m
+    for share, is_seen in ((0.8 * first, True), (1.2 * first, False)):
+        found = response(curve, K_M, K_S, 1, resolved_from=share)
+        assert (found.amplitude_at_first_peak_m is not None) == is_seen
+        assert found.peak_loss_factor == whole.peak_loss_factor
+    for curve, share in ((Humps(0.9, 30.0, 60.0), 0.1), (Hump(1e-3), 1e-4), (Hump(1e-3), 1.0)):
+        found = response(curve, K_M, K_S, 1, resolved_from=share)
+        gross_m = found.gross_slip_amplitude_m
+        seen_m = gross_m * np.geomspace(share, 1.0, 2000)
+        seen = response(curve, K_M, K_S, 1, seen_m).loss_factor
+        assert found.amplitude_at_peak_m >= (1.0 - 1e-12) * share * gross_m
+        assert found.peak_loss_factor == pytest.approx(seen.max(), rel=1e-5)
+        assert response(curve, K_M, K_S, 1).peak_loss_factor > 1.5 * seen.max()
+
+
 class Dry:
     """Loss in proportion to the force: the loss factor rises to the smallest amplitude."""
 

@@ -57,6 +57,7 @@ def response(
     joint_stiffness_N_per_m: float,
     joints: int,
     amplitude_m: ArrayLike | None = None,
+    resolved_from: float = 0.0,
 ) -> Damping:
     """Compute loss factor, damping ratio and frequency of one mode over its amplitude.
 
@@ -82,12 +83,14 @@ def response(
     amplitude_m : array_like, shape (n,), optional
         Amplitudes v, positive. By default 1e-3 to 1 of the gross-slip amplitude, spaced
         logarithmically, and the neighbourhood of the peak.
+    resolved_from : float, optional
+        Share of gross slip, 0 to 1, below which nobody knows what slips: no maximum lies there.
 
     Returns
     -------
     Damping
-        Arrays over the amplitudes. The peak is that of the whole range up to gross slip, whatever
-        amplitudes are asked for.
+        Arrays over the amplitudes. The peak is that of the whole range up to gross slip that is
+        resolved, whatever amplitudes are asked for.
 
     Raises
     ------
@@ -124,7 +127,7 @@ def response(
     gross_slip_m = float(slip.total_slip_force_N / joint_stiffness_N_per_m)
     grid_m = np.geomspace(1e-3 * gross_slip_m, gross_slip_m, 73)
     over_grid = mode.states(grid_m)
-    peak, first = mode.find_peaks(over_grid)
+    peak, first = mode.find_peaks(over_grid, resolved_from * gross_slip_m)
     if amplitude_m is None:
         states = over_grid
         if peak is not None and peak[0] >= grid_m[0]:
@@ -191,19 +194,23 @@ class _Mode:
         energy_J = self.n_j * self.slip.energy_at_force_J(self.force_N(amplitude_m))
         return self.loss_factor(amplitude_m, energy_J)
 
-    def find_peaks(self, over_grid: np.ndarray) -> tuple[Peak | None, Peak | None]:
+    def find_peaks(
+        self, over_grid: np.ndarray, resolved_from_m: float
+    ) -> tuple[Peak | None, Peak | None]:
         """Return the highest loss factor, looking between the grid points too, and the first.
 
-        That is the first maximum before the greatest. None where none is.
+        That is the first maximum before the greatest. None where none is, and neither below the
+        amplitude from which slip is resolved.
         """
+        over_grid = over_grid[:, over_grid[0] >= min(resolved_from_m, over_grid[0, -1])]
         grid_m, loss = over_grid[0], self.loss_factor(*over_grid[[0, 2]])
         if not loss.max() > 0:
             return None, None
         first, fine_m, fine = None, grid_m, loss
-        least_m = 1e-9 * grid_m[-1]
+        least_m = max(1e-9 * grid_m[-1], resolved_from_m)
         # Families that barely touch may peak below the grid.
         while fine[0] == fine.max() and fine_m[0] > least_m:
-            fine_m = np.geomspace(fine_m[0] / 10, fine_m[1], 25)
+            fine_m = np.geomspace(max(fine_m[0] / 10, resolved_from_m), fine_m[1], 25)
             fine = self._loss_factor(fine_m)
         peak = self._highest(fine_m, int(np.argmax(fine)))
         so_far = np.maximum.accumulate(loss)
