@@ -1,5 +1,7 @@
 """The next step of a problem can be taken, and was not taken already."""
 
+import re
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,8 +10,9 @@ from scipy.ndimage import gaussian_filter
 
 import capslip
 from capslip.analysis import analyze_once
-from capslip.contact.choice import ONE_MAP, WHY
+from capslip.contact.choice import ONE_MAP, WHY, boundary_elements_s
 from capslip.contact.rung import rung
+from capslip.contact.solvers import polonsky_keer
 from capslip.next_steps import OF_THE_PARTS, PRESSED, with_next_steps
 from capslip.problems import KINDS, Problem
 from capslip.settings import load_settings
@@ -101,6 +104,60 @@ def test_the_bulk_of_a_scan_is_not_kept_in_a_larger_joint():
         assert "contact.bulk" not in step
         assert whole[code] == KINDS[code].remedy
     assert larger["not_spherical"] == whole["not_spherical"]
+
+
+@pytest.mark.parametrize(("limit_s", "step"), [(599.0, 600.0), (600.0, 6000.0), (720.0, 7200.0)])
+def test_a_map_that_was_cut_short_gets_more_time_than_it_had(limit_s, step):
+    given = f"contact.time_limit_s={limit_s}"
+    assert step_of("time_limit_reached", given) == f"--set contact.time_limit_s={step:g}"
+
+
+def test_a_failure_that_knows_its_step_keeps_it_and_so_do_those_that_ask_for_the_map():
+    own = "--set contact.time_limit_s=14"
+    failed = Problem("contact_failed", "error", "so", step=own)
+    other = Problem("not_spherical", "warning", "so")
+    for model in ("auto", "boundary_elements", "interacting"):
+        settings = load_settings(overrides=(f"contact.model={model}",))
+        found = with_next_steps([failed, other], SimpleNamespace(is_scan=True), settings, None)
+        assert [one.remedy for one in found] == [own, own]
+
+
+def rough_face():
+    """Return a face whose caps are not enough."""
+    z = gaussian_filter(np.random.default_rng(3).standard_normal((64, 64)), 1.5, mode="wrap")
+    return capslip.HeightMap(1e-7 * z / z.std(), (1e-5, 1e-5))
+
+
+@pytest.mark.parametrize(
+    ("preload_N", "code"), [(3.0, "boundary_elements_needed"), (80.0, "contact_failed")]
+)
+def test_a_map_without_time_gets_enough(preload_N, code):
+    """Where caps answer, and where they cannot; what it is told to take is taken and answers."""
+    words = (f"contact.preload_N={preload_N}",)
+    late = load_settings(overrides=(*words, "contact.time_limit_s=1e-3"))
+    short = analyze_once(closing_face(), late)
+    (one,) = [problem for problem in short.problems if problem.code == code]
+    assert "s, more than 0.001 s of contact.time_limit_s" in one.message
+    step = re.match(r"--set (contact\.time_limit_s=[\d.]+)", one.remedy)
+    assert ("check the load" in one.remedy) == (code == "contact_failed")
+    asked = [problem.remedy for problem in short.problems if problem.code == "not_spherical"]
+    assert asked in ([one.remedy], [])
+    enough = analyze_once(closing_face(), load_settings(overrides=(*words, step[1])))
+    assert enough.contact.model == "boundary_elements"
+
+
+@pytest.mark.parametrize("limit_s", [12.0, 1e-3])
+def test_a_map_that_was_out_of_time_gets_ten_times_as_much(limit_s, monkeypatch):
+    ticks = count(step=2.0)
+    monkeypatch.setattr(polonsky_keer, "thread_time", lambda: next(ticks))
+    words = ("contact.model=boundary_elements", "contact.preload_N=0.1")
+    late = load_settings(overrides=(*words, f"contact.time_limit_s={limit_s}"))
+    (one,) = [p for p in analyze_once(rough_face(), late).problems if p.code == "contact_failed"]
+    assert "contact.time_limit_s was over" in one.message
+    least_s = boundary_elements_s((64, 64))
+    expected_s = 10.0 * max(limit_s, least_s)
+    assert one.remedy.startswith("--set contact.time_limit_s=")
+    assert float(one.remedy.partition("=")[2]) == pytest.approx(expected_s, rel=0.05)
 
 
 def closing_face():

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import TypeVar
 
 from capslip.caps.iso25178 import Iso25178
+from capslip.contact.choice import contact_failed
 from capslip.contact.curve import NormalCurve
 from capslip.contact.doubts import material_doubts, problems_of_pressure
 from capslip.contact.given import given_families, press_families
@@ -375,7 +376,8 @@ def _analyzed(
             found = replace(found, contact=contact, caps=caps, slip=slip)
             found = _answered(found, clock)
     except ContactError as error:
-        failed = Problem("contact_failed", "error", str(error))
+        pressed = None if face.label is None else face.conditioned.surface
+        failed = contact_failed(error, pressed, settings)
         found = replace(found, problems=(*found.problems, failed))
     with clock("doubts"):
         return face, replace(found, problems=problems_of(face, found, mate))

@@ -30,6 +30,8 @@ from capslip.units import percent
 MARGIN = 0.0085
 ONE_MAP = "--set mating.way=composite, which makes one map of two faces"
 WHY = "see why boundary elements fail: preload, units, pixels or contact.time_limit_s"
+TIME_LIMIT = "contact.time_limit_s"
+WITHIN = 10.0  # times the estimate, or a limit that was over: within so much maps have an answer
 BOUNDARY_ELEMENTS_S = 2.2e-7  # a point and binary digit of their number, on one core
 
 
@@ -139,9 +141,8 @@ def choose_model(
     if label is None:
         return replace(choice, step=ONE_MAP)
     if one is None:
-        limit = f", more than {settings.contact.time_limit_s:g} s of contact.time_limit_s"
-        why = f", but fail: {map_failure}" if map_failure else limit
-        step = WHY if map_failure else None
+        why = f", but fail: {map_failure}" if map_failure else _more_than(settings)
+        step = step_of_time(choice.reason + why, surface, settings) or WHY
         return replace(choice, reason=choice.reason + why, step=step)
     chosen = _of_the_map(one, choice.why, choice.estimates, len(caps))
     return replace(chosen, caps=choice)
@@ -162,6 +163,53 @@ def rung_of_the_map(surface: HeightMap, settings: Settings) -> Rung | None:
         return None
     (one,) = (one for one in ladder() if one.made_from == "map")
     return one
+
+
+def contact_failed(failure: ContactError, surface: HeightMap | None, settings: Settings) -> Problem:
+    """Return the problem of a face that cannot be pressed; with time enough where that is why.
+
+    Parameters
+    ----------
+    failure : ContactError
+        What was raised.
+    surface : HeightMap or None
+        The map that may be pressed; None where there are two, whose caps are counted.
+    settings : Settings
+        With which it was tried.
+    """
+    message, step = str(failure), None
+    if surface is not None:
+        no_time = settings.contact.model == "auto" and rung_of_the_map(surface, settings) is None
+        if no_time and TIME_LIMIT not in message:
+            needed_s = boundary_elements_s(surface.shape)
+            message += f"; boundary elements take about {needed_s:.2g} s{_more_than(settings)}"
+        step = step_of_time(message, surface, settings)
+        if no_time:  # caps that cannot carry it may be right
+            step = f"{step}; or check the load, --area and units"
+    return Problem("contact_failed", "error", message, step=step)
+
+
+def step_of_time(message: str, surface: HeightMap, settings: Settings) -> str | None:
+    """Return the step to time enough, where a message of a failure names the limit; else None."""
+    if TIME_LIMIT not in message:
+        return None
+    longest_s = max(boundary_elements_s(surface.shape), settings.contact.time_limit_s)
+    return f"--set {TIME_LIMIT}={enough_s(longest_s):g}"
+
+
+def enough_s(longest_s: float) -> float:
+    """Return a time within which a map has an answer, of two digits.
+
+    Examples
+    --------
+    >>> enough_s(61.8), enough_s(0.0012)
+    (620.0, 0.012)
+    """
+    return float(f"{WITHIN * longest_s:.1e}")
+
+
+def _more_than(settings: Settings) -> str:
+    return f", more than {settings.contact.time_limit_s:g} s of {TIME_LIMIT}"
 
 
 def map_for_auto(surface: HeightMap, settings: Settings) -> Rung | None:
