@@ -210,6 +210,8 @@ def test_what_a_map_leaves_is_told_at_the_force_that_is_asked_for(share, expecte
 
 
 TURNED, LAGS = "mating.rotation_rad=0.1", "slip.normal_phase_rad=1"
+NO_FORM = "conditioning.form=none"
+ROBUST, FLOOR = "conditioning.form_robust=true", "conditioning.form_floor=true"
 OF_A_SCAN = ("reading.invert=true", "hills.cut=fixed", "families.count=2", "run.sensitivity=true")
 OF_A_JOINT = ("contact.preload_N=5", "slip.direction_rad=1", "run.figures=false", "families.m=3")
 
@@ -220,6 +222,11 @@ OF_A_JOINT = ("contact.preload_N=5", "slip.direction_rad=1", "run.figures=false"
         ((TURNED, "mating.mirror=y"), True, False, ["warning mating.mirror, mating.rotation_rad"]),
         ((TURNED,), True, True, []),
         ((TURNED,), False, False, ["info mating.rotation_rad"]),
+        ((NO_FORM, ROBUST), True, False, ["warning conditioning.form_robust"]),
+        ((NO_FORM, FLOOR), True, False, ["warning conditioning.form_floor"]),
+        ((NO_FORM, FLOOR), True, True, []),  # fits the plane of the sum
+        ((FLOOR,), True, False, []),
+        ((NO_FORM,), True, False, []),
         ((LAGS,), True, False, ["warning slip.normal_phase_rad"]),
         ((LAGS,), False, False, ["warning slip.normal_phase_rad"]),
         ((LAGS, "slip.normal_amplitude_ratio=0.1"), False, False, []),

@@ -527,6 +527,8 @@ ROWS = [
         "plain stiff-mode joint"),
     Row("settings_ignored", "warning", "mating.way, mating.offset_m are not used: there is no",
         "plain together aside"),
+    Row("settings_ignored", "warning", "conditioning.form_floor is not used: no form",
+        "plain as-it-lay to-its-floor", "plain as-it-lay"),
     Row("settings_ignored", "warning", "normal_amplitude_ratio = 0", "plain lagging",
         "plain lagging swinging"),
     Row("not_lightly_damped", "warning", "would be 1.3", "plain levelled soft-mode stiff-joint",

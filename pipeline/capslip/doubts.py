@@ -65,6 +65,7 @@ OF_A_SCAN = (
     *("contact.alignment_stiffness_Nm_per_rad", "joint.non_measured"),
     *("contact.time_limit_s", "contact.solver_tolerance"),
 )
+FITS = ("conditioning.form_robust", "conditioning.form_floor")  # of a form
 # What messages compare with; of a face that yielded it is what that recovers
 APPROACH, RECOVERY = re.compile(r"\bthe approach(?= is |:)"), "the recovery on unloading"
 SMALL = "small_slip_extrapolated"
@@ -144,6 +145,9 @@ def problems_of_settings(settings: Settings, scanned: bool, mated: bool) -> list
     elif not mated:
         why = "there is no second face (--mate)"
         idle += [("warning", changed(settings, ["mating"]), why)]
+        if settings.conditioning.form == "none":  # of a sum these fit the plane that is taken off
+            why = "no form is taken off (conditioning.form = none)"
+            idle += [("warning", changed(settings, FITS), why)]
     if settings.slip.normal_amplitude_ratio == 0.0:
         why = "the normal load is constant (slip.normal_amplitude_ratio = 0)"
         idle += [("warning", changed(settings, ["slip.normal_phase_rad"]), why)]
