@@ -9,7 +9,7 @@ import pytest
 
 from capslip import doubts
 from capslip.contact.rung import ModelError
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import Settings, load_settings
 from capslip.surface.doubts import problems_of_tilt
 from capslip.surface.flatness import bow_left, problems_of_flatness
@@ -207,6 +207,22 @@ def test_what_a_map_leaves_is_told_at_the_force_that_is_asked_for(share, expecte
     assert doubts.as_asked(of_caps, found) == of_caps
     found.contact.errors = ModelError(0.01, 0.3)
     assert doubts.as_asked([*at(0.25)], found) == [*at(0.25)]
+
+
+def test_small_slip_is_noted_once():
+    """With where pixels end and what they leave; a warning stands for itself."""
+    effect = Effect(None, 0.14, 0.14)
+    first, last = (Problem("yielded", "info", name) for name in "ab")
+    ends = Problem("small_slip_extrapolated", "info", "below 4.6 % of it")
+    left = Problem("small_slip_extrapolated", "info", "at 10 % of it", effect)
+    found = SimpleNamespace(contact=None, answer=None, slip=None)
+    for notes in ((ends, left), (left, ends)):
+        said = doubts.as_asked([first, notes[0], last, notes[1]], found)
+        message = "; ".join(one.message for one in notes)
+        assert said == [first, replace(ends, message=message, effect=effect), last]
+    assert doubts.as_asked([first, ends, ends], found) == [first, ends]
+    warned = replace(left, severity="warning")
+    assert doubts.as_asked([warned, ends, first], found) == [warned, ends, first]
 
 
 TURNED, LAGS = "mating.rotation_rad=0.1", "slip.normal_phase_rad=1"

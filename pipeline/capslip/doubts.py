@@ -166,8 +166,25 @@ def as_asked(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
     """Return the problems, those of a pressed map as they are at the force that is asked for.
 
     They were found at a quarter of mu N, and stay so where less is asked: `_of_small_slip` says
-    what is left there.
+    what is left there. What is noted of small slip is noted once.
     """
+    return _noted_once(_at_share_asked(problems, found))
+
+
+def _noted_once(problems: list[Problem]) -> list[Problem]:
+    """Return the problems with one note on small slip: where pixels end, and what they leave."""
+    notes = [one for one in problems if (one.code, one.severity) == (SMALL, "info")]
+    if len(notes) < 2:
+        return problems
+    message = "; ".join(dict.fromkeys(one.message for one in notes))
+    effect = next((one.effect for one in notes if one.effect is not None), None)
+    place = problems.index(notes[0])
+    others = [one for one in problems[place:] if one not in notes]
+    return [*problems[:place], replace(notes[0], message=message, effect=effect), *others]
+
+
+def _at_share_asked(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
+    """Return the problems of a pressed map as they are at the force that is asked for."""
     errors, share = None if found.contact is None else found.contact.errors, _share_asked(found)
     if errors is None or errors.doubts_at is None or share <= ASKED:
         return list(problems)

@@ -480,3 +480,19 @@ def test_contacts_of_two_pixels_are_said_to_be_so_and_not_to_be_out_of_the_band(
         assert bool(problems_of_band(caps, surface, 0.0, Conditioning())) == noted
     none, _ = caps_of([NAN, NAN], [NAN, NAN])
     assert problems_of_band(none, surface, 0.0, Conditioning()) == []
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [
+        (1e-9, "less than 0.5 % of"),
+        (4.9e-3, "less than 0.5 % of"),
+        (6e-3, "1% of"),
+        (0.72, "72% of"),
+    ],
+)
+def test_what_has_yielded_is_never_said_to_be_nothing(share, said):
+    contact = state(max_pressure_Pa=5e9, hardness_Pa=5e9, yielded_area_m2=share * 1e-4)
+    given = caps_of([1.0, 1.0], [0.1, 0.1])
+    (one,) = (one for one in contact_doubts(contact, *given, 1e-8, cut_certified=False))
+    assert one.message.startswith(f"{said} the contact area has yielded")

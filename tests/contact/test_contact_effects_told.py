@@ -14,6 +14,7 @@ from capslip.contact.effects import (
     _as_severe,
     _bent_m,
     _is_asked,
+    _is_nothing,
     _Moved,
     with_effects,
 )
@@ -79,6 +80,25 @@ def test_what_is_asked_for_begins_at_the_least_share():
         assert (found.effect.energy, found.effect.loss_factor, found.asked) == (0.4, 0.4, asked)
         assert moved(change, 0.35, share).asked == max(asked, 0.35)
     assert moved(change, 0.05).effect.tangential_stiffness == 0.05
+
+
+@pytest.mark.parametrize(
+    ("code", "flatness_m", "noted"),
+    [("bow_left", 1e-9, False), ("bow_left", None, True), ("long_waves_filtered", None, False)],
+)
+def test_what_is_no_sign_of_the_face_and_moves_nothing_is_not_noted(code, flatness_m, noted):
+    surface = SimpleNamespace(faces=1)
+    conditioning = SimpleNamespace(form="plane", form_degree=None)
+    instrument = SimpleNamespace(flatness_deviation_m=flatness_m)
+    of = SimpleNamespace(
+        surface=surface,
+        settings=SimpleNamespace(conditioning=conditioning, instrument=instrument),
+    )
+    assert _is_nothing(code, moved((9e-4,) * 4, 9e-4, approach=9e-4), of) == (not noted)
+    assert not _is_nothing("seams", moved(), of)
+    assert not _is_nothing(code, None, of)
+    for one in (moved((1.1e-3, 0, 0, 0)), moved(stiffness=1.1e-3), moved(approach=1.1e-3)):
+        assert not _is_nothing(code, one, of)
 
 
 def severity(code, one, given="warning", conditioned=None, tolerance=0.05):

@@ -34,6 +34,7 @@ FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20
 FLOOR_SHARE = 0.005  # of the load: 6 % of it there made W(0.1 mu N) 2.2 times as large
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
+LEAST_YIELDED = 0.005  # of the contact area: less is no whole percent
 TWO_SIDED = 2.0  # standard errors that a height may be off by
 HIDDEN_LOAD = 0.01  # of the load: hills that would carry less are not noted
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
@@ -348,8 +349,10 @@ def problems_of_pressure(contact: ContactState) -> list[Problem]:
     if hardness_Pa is not None:
         if contact.yielded_share == 0.0:
             return []
+        share = contact.yielded_share
+        most = f"{share:.0%}" if share >= LEAST_YIELDED else f"less than {percent(LEAST_YIELDED)}"
         message = (
-            f"{contact.yielded_share:.0%} of the contact area has yielded at a hardness of "
+            f"{most} of the contact area has yielded at a hardness of "
             f"{hardness_Pa / 1e9:.3g} GPa; slip follows the curve along which the face unloads"
         )
         return [Problem("yielded", "info", message)]

@@ -42,6 +42,7 @@ JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 COARSER, FILTERED = "resampled_coarser", "long_waves_filtered"
 # Doubts that are warnings where nobody knows what they move, and why nobody does
 UNKNOWN = {COARSER: "more points have no answer", FILTERED: "the face with them has no answer"}
+LEAST_MOVED = 1e-3  # less is not noted of what is no sign of the face itself
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
 
@@ -98,9 +99,10 @@ def with_effects(
     little, where these tell; removed points that may matter are put back; of one that was
     interpolated, the measured points alone are pressed, of one that was filled, fewer of them, of
     one that was resampled to fewer, more, and of one with a ripple, the same without it.
-    Within `contact.tolerance` it is information, and so are removed points that stand off both
-    ways, as errors do; else a warning. What moves the energy at smaller forces alone than those
-    that are asked for is only noted.
+    Within `contact.tolerance` it is information, and nothing below a thousandth where it is no sign
+    of the face but a filter or the bow of the instrument. So are removed points information that
+    stand off both ways, as errors do; else it is a warning. What moves the energy at smaller forces
+    alone than those that are asked for is only noted.
 
     Parameters
     ----------
@@ -148,6 +150,7 @@ def with_effects(
             how["outliers_removed"] = "found on the map with them"
     errors = {"outliers_removed"} if conditioned.removed.both_ways else set()
     limits = {code: math.inf if code in errors else tolerance for code in how}
+    none = {code for code, one in effects.items() if _is_nothing(code, one, face)}
     return [
         _as_severe(
             *(one, effects.get(one.code), least_share, limits[one.code]),
@@ -156,7 +159,16 @@ def with_effects(
         if _is_asked(one, conditioned, filled_m)
         else one
         for one in problems
+        if one.code not in none
     ]
+
+
+def _is_nothing(code: str, moved: _Moved | None, face: FaceOfCaps) -> bool:
+    """Tell whether what was only given, a filter or the bow of an instrument, moves nothing."""
+    given = code == "bow_left" and known_flatness_m(face.surface, face.settings) is not None
+    if moved is None or not (given or code == FILTERED):
+        return False
+    return max(moved.effect.greatest, moved.approach, moved.hidden) < LEAST_MOVED
 
 
 def _found_on_map(
