@@ -450,6 +450,19 @@ def test_text_and_json_hold_what_was_found(compared):
     assert fit.endswith("rms ln ratio 0.125")
 
 
+def test_nothing_is_said_to_be_identified_by_a_model_that_misses_the_points(compared):
+    """Neither in text nor as numbers or a curve; the remarks say what was found out."""
+    fit = replace(compared.identified, rms_log_ratio=float(np.log(3.0)) - 1e-9)
+    for rms, missed in ((fit.rms_log_ratio, False), (fit.rms_log_ratio + 2e-9, True)):
+        found = replace(compared, identified=replace(fit, rms_log_ratio=rms))
+        (line,) = (one for one in lines(found) if one.startswith("identified"))
+        assert ("mu" in line) != missed
+        assert line.startswith("identified nothing") == missed
+        assert (to_dict(found)["identified"] is None) == missed
+        labels = comparison(found).axes[0].get_legend_handles_labels()[1]
+        assert any("identified" in one for one in labels) != missed
+
+
 GOOD = "amplitude_um,loss_factor\n1,0.01\n2,0.02\n"
 
 

@@ -56,15 +56,16 @@ def comparison(found: "Comparison") -> "Figure":
         linewidth=1.8,
         label=f"{added}model, µ = {found.friction_coefficient:.3g}, N = {found.preload_N:.4g} N",
     )
-    if found.identified is not None and found.curve_identified is not None:
+    one = found.identified
+    if one is not None and one.missed is None and found.curve_identified is not None:
         axes.loglog(
             v,
             intrinsic + found.curve_identified,
             "-.",
             color=ACCENT,
             linewidth=1.8,
-            label=f"{added}model, identified: µ = {found.identified.friction_coefficient:.3g}, "
-            f"N = {found.identified.preload_N:.4g} N",
+            label=f"{added}model, identified: µ = {one.friction_coefficient:.3g}, "
+            f"N = {one.preload_N:.4g} N",
         )
     write_decades(axes.xaxis)
     of = f"amplitude at mid-span, as a sensor sees it [{unit.replace('u', 'µ')}]"

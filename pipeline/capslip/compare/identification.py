@@ -44,6 +44,11 @@ class Identified:
     resolved_from_m: float  # amplitude from which it does
     at_bound: str | None  # which bound stopped the search; the uncertainties then do not hold
 
+    @property
+    def missed(self) -> float | None:
+        """By which factor (rms) the points are missed where that is too much to identify by."""
+        return math.exp(self.rms_log_ratio) if self.rms_log_ratio > MISSED else None
+
 
 def friction_and_preload(
     amplitude_m: np.ndarray, joint_loss_factor: np.ndarray, model: JointModel, preload_N: float
@@ -324,13 +329,12 @@ def remarks_on(found: Identified) -> list[str]:
         counts = found.unresolved, found.unresolved + found.points
         below = not_resolved(*counts, found.resolved_from_m)
         remarks.append(f"{below}: they were left out of the identification")
-    if found.rms_log_ratio > MISSED:
-        missed = math.exp(found.rms_log_ratio)
+    if found.missed is not None:
         remarks.append(
-            f"even so the model misses the points by a factor of {missed:.2g} (rms): nothing is "
-            "identified; look at structure, material and units first"
+            f"even so the model misses the points by a factor of {found.missed:.2g} (rms): nothing "
+            "is identified; look at structure, material and units first"
         )
-    if not found.distinguishable:
+    elif not found.distinguishable:
         remarks.append(
             "the data cannot tell friction coefficient and preload apart (correlation "
             f"{found.correlation:.3f}, condition number {found.condition_number:.0f}); they fix "

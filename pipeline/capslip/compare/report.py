@@ -21,7 +21,7 @@ OF_BATCH = ("batch.csv", "scans")  # stand together where results of many scans 
 def to_dict(found: Comparison) -> dict[str, Any]:
     """Return a comparison as JSON holds it: plain numbers, absent ones null."""
     identified = None
-    if found.identified is not None:
+    if found.identified is not None and found.identified.missed is None:
         identified = {
             name: value if not isinstance(value, float) or math.isfinite(value) else None
             for name, value in asdict(found.identified).items()
@@ -106,11 +106,15 @@ def lines(found: Comparison) -> list[str]:
                 f"on average, rms ln ratio {band.rms_log_ratio:.3g}"
             )
     one = found.identified
-    if one is not None:
+    if one is not None and one.missed is None:
         text.append(
             f"identified mu {one.friction_coefficient:.4g} +- "
             f"{100 * one.friction_coefficient_log_std:.2g} %, preload {one.preload_N:.5g} N +- "
             f"{100 * one.preload_log_std:.2g} %, correlation {one.correlation:.3f}, "
             f"rms ln ratio {one.rms_log_ratio:.3g}"
+        )
+    elif one is not None:
+        text.append(
+            "identified nothing: the model misses the points, whatever friction and preload"
         )
     return [*text, *(f"remark     {remark}" for remark in found.remarks)]
