@@ -417,6 +417,37 @@ def test_arguments_have_the_types_of_numpy_too(tmp_path, monkeypatch):
     np.testing.assert_array_equal(load(**given, unit=np.str_("um")).height_m, plainly.height_m)
 
 
+@pytest.mark.parametrize(
+    ("override", "name", "expected"),
+    [
+        ("conditioning.l_filter_nesting_index_m=30mm", "l_filter_nesting_index_m", 0.03),
+        ("conditioning.s_filter_nesting_index_m=80 µm", "s_filter_nesting_index_m", 8e-5),
+        ("contact.preload_N=1.2kN", "preload_N", 1200.0),
+        ("joint.area_m2=12cm2", "area_m2", 1.2e-3),
+        ("material.youngs_modulus_Pa=[200GPa,70GPa]", "youngs_modulus_Pa", (2e11, 7e10)),
+        ("contact.load_point_m=[1mm,0.5mm]", "load_point_m", (1e-3, 5e-4)),
+    ],
+)
+def test_an_override_takes_the_unit_in_which_its_name_ends(override, name, expected):
+    settings = capslip.load_settings(overrides=(override,))
+    table = getattr(settings, override.partition(".")[0])
+    assert getattr(table, name) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "structure.modal_stiffness_N_per_m=30mm",
+        "conditioning.l_filter_nesting_index_m=30N",
+        "contact.preload_N=heavy",
+        "material.friction_coefficient=2N",
+    ],
+)
+def test_another_unit_is_refused_as_any_text_is(override):
+    with pytest.raises(capslip.errors.SettingsError, match="expected a number"):
+        capslip.load_settings(overrides=(override,))
+
+
 def test_overrides_that_are_read_once_count():
     """A material that gives way to them takes a look at them first."""
     lines = ["contact.preload_N=230", "material.preset=aluminium"]

@@ -18,7 +18,7 @@ from capslip import registry
 from capslip.errors import SettingsError, check_kind, one_of, path_of, texts_of
 from capslip.materials import refuse_stray_spread, with_preset, without_said
 from capslip.setting_errors import GREATEST, LEAST, converted, meant, plain, refuse_unknown
-from capslip.units import LengthUnit
+from capslip.units import LengthUnit, as_named
 
 MOST = 10**9  # of anything that is counted
 Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
@@ -478,7 +478,7 @@ def _apply(tables: dict[str, Any], override: str) -> None:
         tables = tables.setdefault(key, {})
         if not isinstance(tables, dict):
             raise SettingsError(f"--set {override}: {key} is no table")
-    tables[keys[-1]] = _value(text.strip())
+    tables[keys[-1]] = as_named(_value(text.strip()), keys[-1])
 
 
 def _value(text: str) -> Any:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from capslip.errors import SettingsError
 
@@ -70,6 +70,29 @@ def in_si(text: str, si_unit: SiUnit, name: str) -> float:
         )
     # By division, so that 0.5um is 5e-07 and no digit more
     return value / round(1.0 / factor) if factor < 1e-2 else value * factor
+
+
+def as_named(value: Any, name: str) -> Any:
+    """Return a value, that of a text with a unit in the unit in which the name of a setting ends.
+
+    What is no such text stays as it is; lists hold values.
+
+    Examples
+    --------
+    >>> as_named("30mm", "l_filter_nesting_index_m"), as_named(["200GPa", 3e9], "modulus_Pa")
+    (0.03, [200000000000.0, 3000000000.0])
+    >>> as_named("30mm", "stiffness_N_per_m"), as_named("30 miles", "length_m"), as_named(3, "x_m")
+    ('30mm', '30 miles', 3)
+    """
+    if isinstance(value, list):
+        return [as_named(one, name) for one in value]
+    before, _, unit = name.rpartition("_")
+    if not isinstance(value, str) or unit not in KNOWN or before.endswith("_per"):
+        return value
+    try:
+        return in_si(value, cast(SiUnit, unit), name)
+    except SettingsError:  # of which whoever knows the setting says what is expected
+        return value
 
 
 PREFIXES = {-12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
