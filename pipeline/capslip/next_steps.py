@@ -77,8 +77,14 @@ def _of_settings(settings: Settings, pressed: Rung | None) -> dict[str, str]:
 
 
 def _without_the_map(problem: Problem, instead: str) -> Problem:
-    """Return a problem whose next step is the other one that it names, or one instead."""
+    """Return a problem whose next step is the other one that it names, or one instead.
+
+    Where time is all that the map lacks, more of it stands beside the other one.
+    """
     other, presses, _ = problem.remedy.partition(PRESS_THE_MAP)
     if not presses:
         return problem
+    if instead.startswith(f"--set {TIME_LIMIT}"):
+        step = problem.remedy.replace(PRESS_THE_MAP, instead.partition(";")[0])
+        return replace(problem, step=step.removesuffix("."))
     return replace(problem, step=other.removesuffix("or ").rstrip(" ,;") or instead)
