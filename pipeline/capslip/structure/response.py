@@ -208,6 +208,9 @@ class _Mode:
             return None, None
         first, fine_m, fine = None, grid_m, loss
         least_m = max(1e-9 * grid_m[-1], resolved_from_m)
+        if fine.size == 1:  # all that is resolved lies beyond the last point of the grid but one
+            fine_m = np.geomspace(min(least_m, grid_m[0]), grid_m[0], 25)
+            fine = self._loss_factor(fine_m)
         # Families that barely touch may peak below the grid.
         while fine[0] == fine.max() and fine_m[0] > least_m:
             fine_m = np.geomspace(max(fine_m[0] / 10, resolved_from_m), fine_m[1], 25)
