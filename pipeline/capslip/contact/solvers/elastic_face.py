@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -18,9 +17,6 @@ MAX_POINTS = 16_000_000  # of a map
 BYTES_PER_POINT = 200  # of memory that a solution takes at its peak
 MOST_PRESSURE = 1e3  # mean over the modulus E*; long before, all of a face touches
 _COARSEST = 48  # points along the shorter side at which nesting ends
-
-
-Spline = Literal["third", "fifth", "other"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +47,6 @@ class ElasticFace:
     taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
     faces: float = field(default=1, kw_only=True)  # that it has the noise of, as variance
     between: tuple[Between, ...] = field(default=(), kw_only=True)  # see `HeightMap`
-    spline: Spline = field(default="third", kw_only=True)  # between its pixels, see `patched`
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":

@@ -4,12 +4,13 @@ Below a load the contact only shrinks, so no point outside of it is needed any m
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
-from capslip.contact.solvers.elastic_face import ElasticFace, Spline
+from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import POINT_COST
 from capslip.contact.solvers.patched_half_space import (
     KERNEL_ERROR,
@@ -33,6 +34,9 @@ ENDS_OF_ROUGH = 0.125  # pixels beyond its outermost heights, that its spline is
 _OF_SLOPE = 1e-3  # weight of first differences beside second ones, where heights are lost
 
 
+Spline = Literal["third", "fifth", "other"]
+
+
 @dataclass(frozen=True, eq=False)
 class PatchedFace(ElasticFace):
     """Parts of a face, made by `patched`: every array has one axis, patch after patch."""
@@ -41,6 +45,7 @@ class PatchedFace(ElasticFace):
     map_shape: tuple[int, int]
     per_pixel: tuple[int, int]  # points along the sides y and x of a pixel of the map
     at_m: tuple[np.ndarray, np.ndarray]  # (x, y) of the points, shape (n,) each
+    spline: Spline = field(default="third", kw_only=True)  # what lies between pixels, see `patched`
 
     @property
     def shape(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -84,6 +89,7 @@ def patched(
     refinement: int = 1,
     single: bool = False,
     ways: list[np.ndarray] | None = None,
+    spline: Spline = "third",
 ) -> PatchedFace | None:
     """Return patches around contacts, None where the whole map is no more work.
 
@@ -95,13 +101,14 @@ def patched(
         Where it touches.
     refinement : int
         Points along the longer side of a pixel, and along the other as many as make none longer
-        there; between the heights of the map a spline, of the third degree or of the fifth, or
-        another guess than this. So a refined face goes on over points that were lost, too, where
-        others stand on both sides of them.
+        there; between the heights of the map a spline. So a refined face goes on over points that
+        were lost, too, where others stand on both sides of them.
     single : bool
         As for `PatchedHalfSpace`.
     ways : list of ndarray, optional
         What `boxes_around` finds around them, where it is known.
+    spline : "third", "fifth" or "other"
+        Its degree, or another guess at what lies between the heights than the fifth.
     """
     (dy_m, dx_m), per_pixel = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
     per_y, per_x = per_pixel
@@ -125,7 +132,7 @@ def patched(
         i, j = i[:, None] // per_y, j // per_x
         parents.append((i * face.shape[1] + j).ravel())
         knowns.append(known[i, j].ravel())
-        depths.append(_refined(face, box, per_pixel).ravel())
+        depths.append(_refined(face, box, per_pixel, spline).ravel())
     at, depth_m, measured = np.concatenate(places, axis=1), *map(np.concatenate, (depths, knowns))
     if refinement > 1:  # the approach counts from the highest of all points, now on the spline
         depth_m -= depth_m[measured].min()
@@ -141,7 +148,7 @@ def patched(
         per_pixel,
         (at[0] * size_m[1], at[1] * size_m[0]),
         hardness_Pa=face.hardness_Pa,
-        spline=face.spline,
+        spline=spline,
     )
 
 
@@ -297,13 +304,13 @@ def _merged(boxes: np.ndarray, near: np.ndarray) -> np.ndarray:
 
 
 def _refined(
-    face: ElasticFace, box: tuple[int, int, int, int], per_pixel: tuple[int, int]
+    face: ElasticFace, box: tuple[int, int, int, int], per_pixel: tuple[int, int], spline: Spline
 ) -> np.ndarray:
     """Return the depths of a box, on a spline through those of the map where refined."""
     y0, x0, y1, x1 = box
     if per_pixel == (1, 1):
         return face.depth_m[y0:y1, x0:x1]
-    (rows, cols), m = face.measured_window, _SPLINE_MARGIN
+    (rows, cols), m = face.measured_window, _SPLINE_MARGIN * (1 if spline == "third" else 2)
     first = max(y0 - m, rows.start), max(x0 - m, cols.start)
     last = min(y1 + m, rows.stop), min(x1 + m, cols.stop)
     window = np.s_[first[0] : last[0], first[1] : last[1]]
@@ -315,7 +322,7 @@ def _refined(
         places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
         places = np.clip(places, first[axis] - beyond, last[axis] - 1 + beyond)
         known = np.arange(depth_m.shape[axis]) + first[axis]
-        depth_m = _between(known, depth_m, axis, places, face.spline)
+        depth_m = _between(known, depth_m, axis, places, spline)
     return depth_m
 
 

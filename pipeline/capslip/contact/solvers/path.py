@@ -8,7 +8,7 @@ from time import thread_time
 import numpy as np
 
 from capslip.contact.solvers.losses import rates_per_m
-from capslip.contact.solvers.patches import PatchedFace
+from capslip.contact.solvers.patches import PatchedFace, Spline
 from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
@@ -289,12 +289,14 @@ def _on_patches(
     end of a patch, that was too small.
     """
     finest, contact, further = refinement(face, pressed), pressed.region > 0, _FURTHER
+    spline: Spline = "third"
     finest = int(min(finest, most))
     if finest > 1:  # its points may find a contact that no pixel of the map has
         contact, around = contact | touches_between(face, pressed), None
         spline = spline_of(face, pressed)
-        face = replace(face, spline="other" if other and spline == "fifth" else spline)
-    patches, near_Pa = around or around_contact(face, contact, finest), pressed.pressure_Pa
+        spline = "other" if other and spline == "fifth" else spline
+    patches = around or around_contact(face, contact, finest, spline=spline)
+    near_Pa = pressed.pressure_Pa
     while patches is not None:
         begin_Pa = patches.gathered(near_Pa)
         for tolerance in (_OFF,) if patches.refinement == 1 else (_TRIED, _OFF):
@@ -308,7 +310,7 @@ def _on_patches(
             return patches, turned, state, _regions(patches, pressed)
         contact, further = _with(contact, ends, further), 2 * further
         near_Pa = patches.spread(begin_Pa)
-        patches = around_contact(face, contact, finest)
+        patches = around_contact(face, contact, finest, spline=spline)
     return None, face, pressed, pressed.region
 
 

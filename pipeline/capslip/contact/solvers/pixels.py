@@ -15,6 +15,7 @@ from capslip.contact.solvers.half_space import POINT_COST, HalfSpace, love_kerne
 from capslip.contact.solvers.patched_half_space import PatchedHalfSpace
 from capslip.contact.solvers.patches import (
     PatchedFace,
+    Spline,
     boxes_around,
     half_space_around,
     patched,
@@ -39,7 +40,11 @@ _TILE = 16  # pixels along the side of a tile, whose pixels are inverted with ea
 
 
 def around_contact(
-    face: ElasticFace, contact: np.ndarray, finest: int = 1, single: bool = False
+    face: ElasticFace,
+    contact: np.ndarray,
+    finest: int = 1,
+    single: bool = False,
+    spline: Spline = "third",
 ) -> PatchedFace | None:
     """Return the face of least work that holds a contact, None for the map itself.
 
@@ -56,10 +61,12 @@ def around_contact(
         Points along the longer side of a pixel, as many of them as patches have room for.
     single : bool
         Whether single precision does: see `MatrixHalfSpace` and `PatchedHalfSpace`.
+    spline : "third", "fifth" or "other"
+        What lies between the pixels of a refined one, see `patched`.
     """
     ways = boxes_around(contact, face.pixel_size_m) if finest > 1 else None
     for refinement in range(finest, 1, -1):
-        patches = patched(face.before or face, contact, refinement, single, ways)
+        patches = patched(face.before or face, contact, refinement, single, ways, spline)
         if patches is not None:
             return patches
     n_pixels = np.count_nonzero(contact)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from capslip.contact.solvers.elastic_face import ElasticFace, Spline
-from capslip.contact.solvers.patches import MOST_OF_ROUGH
+from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.patches import MOST_OF_ROUGH, Spline
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
 
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
@@ -22,6 +22,7 @@ _FEW_PIXELS = 280
 # Of the variance that differences of half the order find, what those of the whole one do: 1 of
 # noise, 0.93 of a random walk from pixel to pixel, less of all that is smoother; halfway
 _AS_NOISE = 0.965
+_HARDLY_NOISE = 0.1  # the same, up to which next to none is: the fifth degree swings with noise
 # Over the median of the roughness: the greatest of up to 3,000 points in contact is at most 5.6 on
 # rough faces; of a step it has no bound
 _STANDS_OFF = 10.0
@@ -54,7 +55,7 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
     if not shape.smooth and (
         math.isinf(shape.most_m)
         or _rings(shape.noise_m2, pressed, shape.most_m)
-        or _is_noise(face, pressed)
+        or _noise_share(face, pressed) > _AS_NOISE
     ):
         return 1
     most = MOST_OF_ROUGH
@@ -68,8 +69,9 @@ def spline_of(face: ElasticFace, pressed: Pressed) -> Spline:
     """Return the degree of the spline that knows best what lies between the pixels of contacts.
 
     The fifth follows waves of 5 to 8 pixels ten times closer than the third does, which leaves up
-    to 6 % in the energy at a tenth of mu N on contacts of few of them. It swings further beside
-    what is not smooth: there, beside lost points, and where a load has left flats, the third.
+    to 6 % in the energy at a tenth of mu N on contacts of few of them. It swings further with noise
+    (13 times as much half a pixel beyond the last one, the third 4 times) and beside what is not
+    smooth: there, beside lost points, and where a load has left flats, the third.
     """
     from scipy.ndimage import binary_dilation
 
@@ -82,9 +84,10 @@ def spline_of(face: ElasticFace, pressed: Pressed) -> Spline:
         if not face.measured[window][near].all():
             return "third"
     shape = _roughness(face, pressed)
-    if shape.smooth and not _rings(shape.noise_m2, pressed, shape.most_m, _OF_FIFTH):
-        return "fifth"
-    return "third"
+    most_m = shape.most_m * _OF_FIFTH / _RINGING  # as much beside a contact as lets it be refined
+    if not shape.smooth or _rings(shape.noise_m2, pressed, most_m, _OF_FIFTH):
+        return "third"
+    return "fifth" if _noise_share(face, pressed) <= _HARDLY_NOISE else "third"
 
 
 class _Roughness(NamedTuple):
@@ -140,8 +143,10 @@ def _rms_m(square_m2: np.ndarray, contact: np.ndarray) -> float:
     return math.sqrt(square_m2[inside].mean()) if inside.any() else math.inf
 
 
-def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
-    """Tell whether the heights about the contacts change from pixel to pixel as noise does.
+def _noise_share(face: ElasticFace, pressed: Pressed) -> float:
+    """Return how much the heights about the contacts change from pixel to pixel as noise does.
+
+    What differences of the whole order find of the variance that those of half of it do.
 
     All differences count that a contact takes part in: those about its highest points alone would
     be greater, the more so the lower their order.
@@ -155,7 +160,7 @@ def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
         near &= np.isfinite(of_short) & np.isfinite(of_long)
         short_m2 += float(of_short[near].sum())
         long_m2 += float(of_long[near].sum())
-    return short_m2 > _AS_NOISE * long_m2
+    return short_m2 / long_m2 if long_m2 > 0.0 else 0.0
 
 
 def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from capslip.contact.solvers.elastic_face import Spline
 from capslip.contact.solvers.letting_go import LettingGo, letting_go
 from capslip.contact.solvers.losses import (
     RIGID,
@@ -19,7 +18,7 @@ from capslip.contact.solvers.losses import (
     region_losses,
 )
 from capslip.contact.solvers.noise import loss_noise_per_m
-from capslip.contact.solvers.patches import PatchedFace
+from capslip.contact.solvers.patches import PatchedFace, Spline
 from capslip.contact.solvers.path import CLOSEST, Node, Path
 from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
 from capslip.errors import ContactError, OutOfTimeError
