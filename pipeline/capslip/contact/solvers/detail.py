@@ -20,7 +20,6 @@ from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 _FLATS_95 = 1.5  # of what half the points move of the loss of flats: 95 % are off by no more
-_OF_SPLINES = 1.0  # of what two splines differ by, what the better one leaves: 95 % are within
 FEW_SLIP = FORCE_SHARES[:2]  # those at which so few points slip that it matters where they lie
 WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
 WHITE_TAKEN = 0.85  # of the same: the rms of what is taken off, as the parts overlap
@@ -269,8 +268,8 @@ def effect_of_spline(
     most = unloading.refinement
     path, _ = path_at(face, pressed, tolerance, FORCE_SHARES, most=most, other=True)
     loss_J = np.array([node.region_loss_J.sum() for node in path.nodes])
-    moved = _OF_SPLINES * _relative(_loss_J(unloading), loss_J)
-    return dict(zip(FORCE_SHARES, moved.tolist(), strict=True))
+    moved = _relative(_loss_J(unloading), loss_J).tolist()
+    return dict(zip(FORCE_SHARES, moved, strict=True))
 
 
 def _thinned(face: ElasticFace, every_other: tuple[slice, slice]) -> ElasticFace:

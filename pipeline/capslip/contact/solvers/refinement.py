@@ -73,14 +73,13 @@ def spline_of(face: ElasticFace, pressed: Pressed) -> Spline:
     (13 times as much half a pixel beyond the last one, the third 4 times) and beside what is not
     smooth: there, beside lost points, and where a load has left flats, the third.
     """
-    from scipy.ndimage import binary_dilation
+    from scipy.ndimage import maximum_filter
 
-    contact = pressed.pressure_Pa > 0
     if _has_flats(face, pressed):
         return "third"
-    window = face.measured_window
+    window = face.measured_window  # a margin that was not measured is an edge as that of the map
     if not face.measured[window].all():
-        near = binary_dilation(contact[window], np.ones((2 * _SEEN + 1,) * 2))
+        near = maximum_filter(pressed.pressure_Pa[window] > 0, 2 * _SEEN + 1)
         if not face.measured[window][near].all():
             return "third"
     shape = _roughness(face, pressed)
