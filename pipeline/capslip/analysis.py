@@ -12,7 +12,7 @@ from capslip.contact.doubts import material_doubts, problems_of_pressure
 from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
-from capslip.contact.rung import rung
+from capslip.contact.rung import resolved_share, rung
 from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
@@ -253,15 +253,7 @@ def _answered(found: R, clock: Clock) -> R:
 
 def _resolved_from(found: JointResult) -> float:
     """Return the share of gross slip from which the maps of all parts resolve what slips."""
-    pressed = [part.contact for part in found.parts]
-    return max(
-        (
-            one.rung.least_share(one.normal, one.preload_N)
-            for one in pressed
-            if one.rung.least_share is not None
-        ),
-        default=0.0,
-    )
+    return max((resolved_share(part.contact) for part in found.parts), default=0.0)
 
 
 def _with_band(found: R, clock: Clock) -> R:

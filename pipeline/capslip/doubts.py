@@ -23,6 +23,7 @@ from capslip.contact.map_doubts import ASKED
 from capslip.contact.plastic_law import with_law
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
+from capslip.contact.rung import resolved_share
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.unloading import SMALL_SLIP, UNRESOLVED
 from capslip.next_steps import with_next_steps
@@ -372,8 +373,7 @@ def _of_small_slip(
     left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
     moved = share_of(left)
     falls = contact.errors is not None and contact.errors.energy_by_share
-    least_of = contact.rung.least_share
-    least = 0.0 if least_of is None else least_of(contact.normal, contact.preload_N)
+    least = resolved_share(contact)
     if falls and share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
         message = (
             f"{asked}, where pixels, noise and detail of the map leave up to {off_by(left)} in "

@@ -26,6 +26,7 @@ from capslip.surface.noise import known_noise_m
 
 if TYPE_CHECKING:
     from capslip.contact.plastic_law import LawError
+    from capslip.contact.press import ContactState
 
 FOLDER = "contact.models"
 C = TypeVar("C", bound=NormalCurve)
@@ -224,6 +225,12 @@ def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:
     if settings.contact.load_point_m is not None:
         return settings.contact.load_point_m
     return surface.centre_m
+
+
+def resolved_share(contact: "ContactState") -> float:
+    """Return the share of gross slip below which the pixels of a map resolve no slip; or zero."""
+    share_of = contact.rung.least_share
+    return 0.0 if share_of is None else float(share_of(contact.normal, contact.preload_N))
 
 
 def asked_of_error(settings: Settings, noise_m: float | None) -> tuple[float, float | None, bool]:

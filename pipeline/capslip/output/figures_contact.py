@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.contact.rung import resolved_share
 from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank, legend_beside, write_decades
@@ -276,10 +277,9 @@ def _defined(loss_factor: np.ndarray) -> np.ndarray:
 def _resolved_from_N(analysis: "Analysis") -> float:
     """Return the force below which less slips than the pixels of the map resolve; or zero."""
     contact, slip = analysis.contact, analysis.slip
-    if contact is None or slip is None or contact.rung.least_share is None:
+    if contact is None or slip is None:
         return 0.0
-    share = contact.rung.least_share(contact.normal, contact.preload_N)
-    return share * float(slip.total_slip_force_N)
+    return resolved_share(contact) * float(slip.total_slip_force_N)
 
 
 def _veil_unresolved(

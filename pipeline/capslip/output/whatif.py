@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.contact.curve import NormalCurve
+from capslip.contact.rung import resolved_share
 from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import ContactError
 from capslip.pressing import knows_other_preloads, under_preload
@@ -76,7 +77,7 @@ def whatif_data(analysis: "JointResult") -> dict[str, Any] | None:
         "joints": damping.joints,
         "amplitude_m": None if answer is None else answer.amplitude_m,
         "most_loss_factor": MOST_LOSS_FACTOR,
-        "unresolved": max((_unresolved(part.contact) for part in analysis.parts), default=0.0),
+        "unresolved": max((resolved_share(part.contact) for part in analysis.parts), default=0.0),
         "of_caps": knows_other_preloads(analysis.joint, contact),
     }
 
@@ -101,13 +102,6 @@ def _under_others(analysis: "JointResult") -> Iterator[tuple[float, NormalCurve]
             continue
         if pressed.errors is None or pressed.errors.greatest <= most:
             yield load_N, other.curve
-
-
-def _unresolved(contact: "ContactState") -> float:
-    """Return the share of gross slip below which less slips than the pixels of a map resolve."""
-    if contact.rung.least_share is None:
-        return 0.0
-    return float(contact.rung.least_share(contact.normal, contact.preload_N))
 
 
 def _columns_of_map(analysis: "JointResult", contact: "ContactState") -> np.ndarray:
