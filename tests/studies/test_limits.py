@@ -15,6 +15,7 @@ from capslip.analysis import analyze_once
 from capslip.caps.table import CapFlag
 from capslip.contact.rung import load_point_m
 from capslip.contact.solvers import refinement
+from capslip.errors import SettingsError
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import synthetic_surface
@@ -23,7 +24,7 @@ from capslip.studies.limits.case import Axis, clean
 from capslip.studies.limits.known import slip_of_true_caps
 from capslip.studies.limits.measure import BREAKDOWN, _estimates, _severities, measure
 from capslip.studies.limits.study import FRESH_SEED, limits
-from capslip.studies.limits.tries import harmless_faces
+from capslip.studies.limits.tries import harmless_faces, scattered_face
 
 axes = cache(made_axes)  # which lays many faces to find how they tilt
 DOCS = Path(__file__).parents[2] / "docs"
@@ -113,6 +114,17 @@ def test_another_seed_gives_other_faces_of_the_same_kinds():
         one, two, three = (of.cases[i % 2] for of in (axis, same, other))
         np.testing.assert_array_equal(scan_of(one), scan_of(two))
         assert (scan_of(one) != scan_of(three)).mean() > 0.01
+
+
+@pytest.mark.parametrize("seed", [470002, 13204004, 13269005])
+def test_a_face_whose_caps_do_not_all_reach_the_cut_is_drawn_again(seed):
+    face = scattered_face(2.2e-8, seed)
+    _, truth = synthetic_surface(face)
+    assert truth.peak_height_m.min() > truth.cut_height_m
+    assert face == scattered_face(2.2e-8, seed)
+    beyond = scattered_face(1e-6, seed)  # of a spread at which none is made, it is said
+    with pytest.raises(SettingsError, match="would not reach the cut"):
+        synthetic_surface(beyond)
 
 
 made = cache(synthetic_surface)  # most axes change the same few faces

@@ -222,6 +222,13 @@ def synthetic_surface(
     return HeightMap(height_m, fine.pixel_size_m, Origin(name=name)), truth
 
 
+def reaches_cut(scene: Scene) -> bool:
+    """Tell whether the caps of all families of a scene would reach the cut, as they must."""
+    if not scene.families:
+        return True
+    return _top_and_lowest_m(scene)[2]
+
+
 def _on_finer(scene: Scene, finer: int) -> Scene:
     """Return the scene on a grid of smaller pixels."""
     (ny, nx), (dy_m, dx_m) = scene.shape, scene.pixel_size_m
@@ -345,7 +352,18 @@ def _balanced(
 
 
 def _top_height_m(scene: Scene) -> float:
-    """Height of the highest family above the cut.
+    """Height of the highest family above the cut."""
+    top_m, below_m, reaches = _top_and_lowest_m(scene)
+    if not reaches:
+        raise SettingsError(
+            f"scene: peaks {below_m:g} m below the highest would not reach the cut at "
+            f"{100 * scene.material_ratio:g} %; lower below_m, the count or the radius"
+        )
+    return top_m
+
+
+def _top_and_lowest_m(scene: Scene) -> tuple[float, float, bool]:
+    """Height of the highest family above the cut, the lowest below it, and if all reach the cut.
 
     The discs of a family of n caps have the area n pi f (2 R - f), f the height above the cut; all
     of them together fill what the caps at given places leave of the material ratio. Newton's
@@ -363,12 +381,8 @@ def _top_height_m(scene: Scene) -> float:
         f_m = top_m - below_m
         area_m2 = math.pi * (n * f_m) @ (2.0 * radius_m - f_m)
         top_m -= (area_m2 - wanted_m2) / (2.0 * math.pi * n @ (radius_m - f_m))
-    if not 0.0 < top_m - below_m.max() < radius_m.min():
-        raise SettingsError(
-            f"scene: peaks {below_m.max():g} m below the highest would not reach the cut at "
-            f"{100 * scene.material_ratio:g} %; lower below_m, the count or the radius"
-        )
-    return float(top_m)
+    lowest_m = top_m - below_m.max()
+    return float(top_m), float(below_m.max()), bool(0.0 < lowest_m < radius_m.min())
 
 
 def _highest_cap(scene: Scene, caps: tuple[Cap, ...], lowest_m: float) -> np.ndarray:
