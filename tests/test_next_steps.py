@@ -10,12 +10,14 @@ from scipy.ndimage import gaussian_filter
 
 import capslip
 from capslip.analysis import analyze_once
-from capslip.contact.choice import ONE_MAP, WHY, boundary_elements_s
+from capslip.contact.choice import ONE_MAP, WHY, boundary_elements_s, contact_failed
 from capslip.contact.rung import rung
 from capslip.contact.solvers import polonsky_keer
+from capslip.errors import BothFailError
 from capslip.next_steps import OF_THE_PARTS, PRESSED, with_next_steps
 from capslip.problems import KINDS, Problem
 from capslip.settings import load_settings
+from capslip.surface.heightmap import Origin
 
 OF_CAPS = ("not_spherical", "caps_several_peaks", "no_caps", "not_balanced", "few_contacts_in_scan")
 
@@ -152,6 +154,46 @@ def test_a_map_without_time_gets_enough(preload_N, code):
     assert asked in ([one.remedy.partition(";")[0]], [])
     enough = analyze_once(closing_face(), load_settings(overrides=(*words, step[1])))
     assert enough.contact.model == "boundary_elements"
+
+
+@pytest.mark.parametrize(
+    ("more", "of_map", "step"),
+    [
+        ("contact.tolerance=0.05", "the map, pressed in their place, fails as well, as 3000 N ",
+         "Check the load"),
+        ("contact.time_limit_s=1e-3", "the map was not pressed, as boundary elements take ",
+         "--set contact.time_limit_s=0.11; or check the load"),
+    ],
+)  # fmt: skip
+def test_caps_and_map_that_both_fail_say_why_once_each(more, of_map, step):
+    given = load_settings(overrides=("contact.preload_N=3000", more))
+    (one,) = [p for p in analyze_once(closing_face(), given).problems if p.code == "contact_failed"]
+    assert one.message.startswith("the caps (interacting) fail, as 3000 N need a contact area of ")
+    assert one.message.count("interacting") == 1
+    assert f"; {of_map}" in one.message
+    assert "use mean_field" not in one.message
+    assert one.remedy.startswith(step)
+
+
+@pytest.mark.parametrize(
+    ("of_map", "step"),
+    [
+        ("face: 9 points need 2 GB; expected at most 4 points; coarsen the map 3 times",
+         "Coarsen the map 3 times; or check the load, --area and units."),
+        ("face: 9 N are more than it bears; expected less than 4 N; check preload and units", None),
+        ("face: 3 pixels; expected 9; use a finer map or a contact model of caps", None),
+        ("face: no solution when contact.time_limit_s was over; allow more",
+         "--set contact.time_limit_s=600"),
+    ],
+)  # fmt: skip
+def test_what_a_map_lacks_where_caps_fail_as_well_is_the_next_step(of_map, step):
+    failure = BothFailError("mean_field: no cap bears 9 N; expected more; check units", of_map)
+    surface = capslip.HeightMap(rough_face().height_m, (1e-5, 1e-5), Origin(name="face"))
+    found = contact_failed(failure, surface, load_settings())
+    assert found.step == step
+    assert found.message.startswith("the caps (mean_field) fail, as no cap bears 9 N, expected ")
+    assert "face:" not in found.message
+    assert "check" not in found.message
 
 
 @pytest.mark.parametrize("limit_s", [12.0, 1e-3])

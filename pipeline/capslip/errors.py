@@ -75,6 +75,38 @@ class TipsOverError(ContactError):
     """The line of action of the preload leaves the hull of what can touch."""
 
 
+class BothFailError(ContactError):
+    """Neither the caps of a face nor its map, which was pressed in their place, carry the preload.
+
+    Attributes
+    ----------
+    of_caps, of_map : str
+        What is wrong with either.
+    """
+
+    def __init__(self, of_caps: str, of_map: str) -> None:
+        super().__init__(of_caps, of_map)
+        self.of_caps, self.of_map = of_caps, of_map
+
+    def __str__(self) -> str:
+        """Say both in one line."""
+        return f"caps fail, as {cause(self.of_caps)}; so does their map, as {cause(self.of_map)}"
+
+
+def cause(message: str) -> str:
+    """Return what a message says was got and expected, without what to do about it.
+
+    Examples
+    --------
+    >>> cause("shell: 9 N are more than all bears; expected less than 7 N; check preload and units")
+    'shell: 9 N are more than all bears, expected less than 7 N'
+    >>> cause("no solution when the time was over; allow more")
+    'no solution when the time was over'
+    """
+    got, *rest = message.split("; ")
+    return ", ".join((got, *(one for one in rest if one.startswith("expected"))))
+
+
 def one_of(words: Iterable[str], got: str) -> str:
     """Say what was expected, and which word was probably meant.
 

@@ -41,7 +41,7 @@ from capslip.contact.uneven_accuracy import (
     problems_of_patches,
 )
 from capslip.contact.varying_load import greatest_over_mean, varying
-from capslip.errors import ContactError
+from capslip.errors import BothFailError, ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.stages import Clock, Face
@@ -184,12 +184,16 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
     except ContactError as failure:
         if settings.contact.model != "auto" or not face.caps.usable.any():
             raise
+        if face.label is None or map_for_auto(face.conditioned.surface, settings) is None:
+            raise  # the map was not tried, and caps would fail once more
         why = str(failure)
     found = as_found(face, settings, with_map=False)
     try:
         contact, caps = press(*given, found, *more, map_failure=why, at_ease_rad=at_ease_rad)
     except ContactError as failure:
-        raise ContactError(f"{failure}; the map itself: {why}") from failure
+        if str(failure) == why:  # the choice took caps, and these were both
+            raise
+        raise BothFailError(str(failure), why) from failure
     if found.contact.alignment == settings.contact.alignment:
         return contact, caps
     message = (

@@ -19,7 +19,7 @@ from capslip.contact.models.interacting import RUNG as REFERENCE
 from capslip.contact.models.mean_field import RUNG as FALLBACK
 from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, Rung, Scene, ladder, rung
-from capslip.errors import ContactError
+from capslip.errors import BothFailError, ContactError, cause
 from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
@@ -178,15 +178,42 @@ def contact_failed(failure: ContactError, surface: HeightMap | None, settings: S
         With which it was tried.
     """
     message, step = str(failure), None
-    if surface is not None:
+    if isinstance(failure, BothFailError) and surface is not None:
+        of_caps, of_map = failure.of_caps, failure.of_map
+        message = f"{_caps_fail(of_caps)}; the map, pressed in their place, fails as well, as "
+        message += cause(_without_name(of_map, surface.origin.name))
+        step = step_of_time(message, surface, settings) or _step_of_map(of_map)
+    elif surface is not None:
         no_time = settings.contact.model == "auto" and rung_of_the_map(surface, settings) is None
         if no_time and TIME_LIMIT not in message:
             needed_s = boundary_elements_s(surface.shape)
-            message += f"; boundary elements take about {needed_s:.2g} s{_more_than(settings)}"
+            message = f"{_caps_fail(message)}; the map was not pressed, as boundary elements take "
+            message += f"about {needed_s:.2g} s{_more_than(settings)}"
         step = step_of_time(message, surface, settings)
         if no_time:  # caps that cannot carry it may be right
             step = f"{step}; or check the load, --area and units"
     return Problem("contact_failed", "error", message, step=step)
+
+
+def _caps_fail(message: str) -> str:
+    """Say once, of which model, why caps fail."""
+    name = message.partition(": ")[0]
+    which = f" ({name})" if name in {one.name for one in ladder()} - {"caps"} else ""
+    return f"the caps{which} fail, as {cause(_without_name(message))}"
+
+
+def _without_name(message: str, of_map: str = "") -> str:
+    """Return a message without the name of the model or the map, which the reader knows."""
+    name, _, rest = message.partition(": ")
+    return rest if name in {of_map, *(one.name for one in ladder())} else message
+
+
+def _step_of_map(failure: str) -> str | None:
+    """Return what to do about a map that fails where caps do as well; None: check the load."""
+    *_, advice = failure.split("; ")
+    if advice == failure or advice.startswith(("expected", "check")) or "of caps" in advice:
+        return None
+    return f"{advice[0].upper()}{advice[1:]}; or check the load, --area and units."
 
 
 def step_of_time(message: str, surface: HeightMap, settings: Settings) -> str | None:
