@@ -70,6 +70,10 @@ TABLE = [
         ),
     ),
     (
+        ("contact/time_needed.py",),
+        ("tests/test_next_steps.py", "tests/contact/test_*time_limit*.py"),
+    ),
+    (
         ("surface/doubts.py", "surface/holes.py", "surface/outline.py"),
         (
             "tests/surface/test_*doubts*.py",

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from capslip.contact.choice import TIME_LIMIT, WHY, enough_s
+from capslip.contact.choice import WHY
 from capslip.contact.joint import Joint
 from capslip.contact.rung import Rung, rung
+from capslip.contact.time_needed import TIME_LIMIT
 from capslip.problems import Problem
 from capslip.settings import Settings
 
 OF_THE_MAP = ("boundary_elements_needed", "contact_failed")  # which may know their own step
 PRESS_THE_MAP, PRESSED = "--model boundary_elements", "Nothing: the map itself was pressed."
-ENOUGH_S = 600.0  # what a map is given that was cut short, unless it had as much
 SEPARATE = "--set hills.separation=watershed"
 # The rule takes off what stands alone; what it left is wider than that
 LEFT_BY_RULE = "Look at figures/height_map.png: points that stand alone are removed already."
@@ -68,9 +68,6 @@ def _of_settings(settings: Settings, pressed: Rung | None) -> dict[str, str]:
         steps["connected_network"] = PRESSED
     elif settings.hills.separation == "regions":
         steps["connected_network"] = f"{SEPARATE}; or {PRESS_THE_MAP}."
-    limit_s = settings.contact.time_limit_s
-    if limit_s >= ENOUGH_S:
-        steps["time_limit_reached"] = f"--set {TIME_LIMIT}={enough_s(limit_s):g}"
     if settings.contact.model != "auto":
         steps["contact_failed"] = TAKE_ANOTHER
     return steps

@@ -17,7 +17,6 @@ from capslip.contact.balanced import levelled
 from capslip.contact.certificate import certify_cut
 from capslip.contact.choice import (
     Choice,
-    boundary_elements_s,
     caps_not_pressed,
     choose_model,
     estimate_error,
@@ -32,6 +31,7 @@ from capslip.contact.press import ContactState, press
 from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, asked_of_error, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
+from capslip.contact.time_needed import boundary_elements_s
 from capslip.contact.uneven_accuracy import (
     error_of_joint,
     error_of_patches,

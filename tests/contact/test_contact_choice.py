@@ -14,12 +14,13 @@ from capslip.caps.table import CapFlag
 from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.bulk import without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
-from capslip.contact.choice import boundary_elements_s, choose_model, estimate_error
+from capslip.contact.choice import choose_model, estimate_error
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import interacting
 from capslip.contact.rung import Scene, ladder
 from capslip.contact.slip import slip_curve
+from capslip.contact.time_needed import boundary_elements_s
 from capslip.errors import ContactError
 from capslip.settings import load_settings
 from capslip.studies.chart.reference import ENERGIES, numbers_of, reference

@@ -1,6 +1,5 @@
 """The cheapest contact model whose estimated error a scene allows."""
 
-import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from capslip.contact.models.interacting import RUNG as REFERENCE
 from capslip.contact.models.mean_field import RUNG as FALLBACK
 from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, Rung, Scene, ladder, rung
+from capslip.contact.time_needed import TIME_LIMIT, boundary_elements_s, more_time
 from capslip.errors import BothFailError, ContactError, cause
 from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
@@ -30,9 +30,6 @@ from capslip.units import percent
 MARGIN = 0.0085
 ONE_MAP = "--set mating.way=composite, which makes one map of two faces"
 WHY = "see why boundary elements fail: preload, units, pixels or contact.time_limit_s"
-TIME_LIMIT = "contact.time_limit_s"
-WITHIN = 10.0  # times the estimate, or a limit that was over: within so much maps have an answer
-BOUNDARY_ELEMENTS_S = 2.2e-7  # a point and binary digit of their number, on one core
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,19 +217,7 @@ def step_of_time(message: str, surface: HeightMap, settings: Settings) -> str | 
     """Return the step to time enough, where a message of a failure names the limit; else None."""
     if TIME_LIMIT not in message:
         return None
-    longest_s = max(boundary_elements_s(surface.shape), settings.contact.time_limit_s)
-    return f"--set {TIME_LIMIT}={enough_s(longest_s):g}"
-
-
-def enough_s(longest_s: float) -> float:
-    """Return a time within which a map has an answer, of two digits.
-
-    Examples
-    --------
-    >>> enough_s(61.8), enough_s(0.0012)
-    (620.0, 0.012)
-    """
-    return float(f"{WITHIN * longest_s:.1e}")
+    return more_time(surface.shape, settings.contact.time_limit_s)
 
 
 def _more_than(settings: Settings) -> str:
@@ -371,12 +356,6 @@ def estimate_error(
 def _effect(estimate: float | None) -> Effect | None:
     """Return what an estimated error moves: any of the answers, by at most that."""
     return None if estimate is None else Effect(estimate, estimate, estimate)
-
-
-def boundary_elements_s(shape: tuple[int, int]) -> float:
-    """Return about how long boundary elements take on a grid, for one loss curve."""
-    points = math.prod(shape)
-    return BOUNDARY_ELEMENTS_S * points * math.log2(points)
 
 
 def _answers(one: Rung, scene: Scene, settings: Settings) -> tuple[np.ndarray, float]:

@@ -11,13 +11,13 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from capslip.contact.choice import boundary_elements_s
 from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.elastic_face import MOST_PRESSURE
+from capslip.contact.time_needed import boundary_elements_s
 from capslip.contact.uneven import scaled_between, seen, side_by_side, standing_for
 from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings

@@ -29,8 +29,9 @@ from capslip.contact.solvers.noise import (
 )
 from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading, path_at
+from capslip.contact.time_needed import more_time
 from capslip.errors import OutOfTimeError
-from capslip.problems import KINDS, Effect, Problem
+from capslip.problems import Effect, Problem
 from capslip.surface.between import missed_of_all_m
 from capslip.units import percent
 
@@ -170,8 +171,9 @@ def error_of_map(
     taken = first.face.taken
     found = [] if taken is None else [_noise_taken(taken)]
     between = unloading.loss_error
+    more = more_time(first.face.depth_m.shape, curve.solutions.time_limit_s)
     if between > tolerance or _unknown_to(unloading) > SMALL_SLIP:
-        found.append(_between_loads(unloading))
+        found.append(_between_loads(unloading, more))
     least = max(between, LEAST_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
     counted_m, law = _counted_m(white_m, first.approach_m), law_of_map(curve, load_N)
@@ -189,7 +191,7 @@ def error_of_map(
         with curve.solutions.counted(load_N):
             detail, changes = _pressed_again(curve, load_N, first)
     except OutOfTimeError:
-        found.append(_out_of_time(curve.solutions.time_limit_s))
+        found.append(_out_of_time(curve.solutions.time_limit_s, more))
         return _with_pixels(causes, max(least, of_both), least), tuple(found)
     counted_m = _counted_m(white_m, first.approach_m, detail.white_share)
     causes = replace(causes, noise_m=counted_m, coarser=changes)
@@ -361,7 +363,7 @@ def _unknown_to(unloading: Unloading) -> float:
     return float(unloading.unknown_to_N / unloading.load_N)
 
 
-def _between_loads(unloading: Unloading) -> Problem:
+def _between_loads(unloading: Unloading, more: str) -> Problem:
     """Return what is not known between the loads; where there was time, single pixels decide it."""
     error = unloading.loss_error
     message = (
@@ -374,7 +376,7 @@ def _between_loads(unloading: Unloading) -> Problem:
             f"up to {percent(unknown_to)} of mu N no pixel lets go, or single ones make all of the "
             "energy per cycle: it is anything up to the rectangle of its loop there"
         )
-    step = KINDS["time_limit_reached"].remedy if unloading.cut_short else None
+    step = more if unloading.cut_short else None
     return Problem("loss_between_loads", "warning", message, Effect(None, error, error), step)
 
 
@@ -388,12 +390,12 @@ def _mate_coarse(face: ElasticFace, noise_m: float | None, error: float) -> Prob
     return Problem("mate_coarse", "warning", message, Effect(None, error, error))
 
 
-def _out_of_time(limit_s: float) -> Problem:
+def _out_of_time(limit_s: float, more: str) -> Problem:
     message = (
         f"{limit_s:g} s of contact.time_limit_s were over before the map was pressed without its "
         "finest detail: what that decides is not known"
     )
-    return Problem("time_limit_reached", "warning", message)
+    return Problem("time_limit_reached", "warning", message, step=more)
 
 
 def _noise_taken(taken: TakenNoise) -> Problem:

@@ -18,6 +18,7 @@ from capslip.contact.solvers.pressed import Pressed, hardly_yields
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
+from capslip.contact.time_needed import more_time
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.surface.holes import HIDDEN
@@ -237,7 +238,9 @@ class BoundaryElementCurve:
                 f"energy per cycle may be off by {off:.1%}, and what the finest detail of the map "
                 "decides is not known"
             )
-            found.append(Problem("time_limit_reached", "warning", message, Effect(None, off, off)))
+            more = more_time(self.solutions.face.depth_m.shape, self.solutions.time_limit_s)
+            effect = Effect(None, off, off)
+            found.append(Problem("time_limit_reached", "warning", message, effect, more))
         return tuple(found)
 
     def _of_first_touch(self, pressed: Pressed, unloading: Unloading) -> list[Problem]:
