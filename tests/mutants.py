@@ -70,6 +70,10 @@ TABLE = [
         ),
     ),
     (
+        ("surface/taken_form.py",),
+        ("tests/surface/test_*conditioning*.py", "tests/contact/test_contact_effects.py"),
+    ),
+    (
         ("contact/time_needed.py",),
         ("tests/test_next_steps.py", "tests/contact/test_*time_limit*.py"),
     ),

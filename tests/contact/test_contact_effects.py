@@ -697,10 +697,49 @@ def test_a_filter_of_long_waves_lowers_caps_and_makes_them_sharper(peaks, index_
     assert_moves(other, whole, severity, 0.05)
 
 
-def assert_moves(other, whole, severity, within):
-    """Assert that what a filter is said to move is what the face without it changes."""
-    assert "long_waves_filtered" not in {one.code for one in whole.problems}
-    (said,) = [one for one in other.problems if one.code == "long_waves_filtered"]
+@pytest.mark.parametrize(
+    ("made", "model", "form"),
+    [
+        (lambda: of_waves(4), "boundary_elements", "quadratic"),
+        (lambda: of_waves(5), "boundary_elements", "cylinder"),
+        (lambda: of_waves(5), "boundary_elements", "sphere"),
+        (lambda: face(MORE), "interacting", "quadratic"),
+        (lambda: face(MORE), "boundary_elements", "quadratic"),
+    ],
+)
+def test_a_form_moves_what_the_face_less_a_plane_alone_changes(made, model, form):
+    words = ("contact.preload_N=60", f"contact.model={model}")
+    whole, other = (found(made(), *words, *one) for one in ((), (f"conditioning.form={form}",)))
+    assert_moves(other, whole, "warning", 0.2, "form_taken_off")
+
+
+@pytest.mark.parametrize("more", ["form=plane", "form=none", "form=polynomial"])
+def test_a_plane_is_no_form_that_moves_anything(more):
+    words = [f"conditioning.{more}", *["conditioning.form_degree=1"] * ("poly" in more)]
+    one = found(of_waves(4), *PRESSED, *words)
+    assert one.conditioned.form is None
+    assert "form_taken_off" not in {problem.code for problem in one.problems}
+
+
+def test_a_form_that_is_known_whose_it_is_is_noted_with_what_it_moves():
+    """A bow that the instrument makes of a flat; a sphere that is most of the relief."""
+    bow = "instrument.flatness_deviation_m=1e-6"
+    y, x = (np.indices((60, 80)) - 40.0) * 2e-4
+    flat = of_waves(4)
+    ball = replace(flat, height_m=flat.height_m - (x**2 + y**2) / (2.0 * 5.0))
+    forms = {"quadratic": (flat, bow), "sphere": (ball,)}
+    for form, (surface, *more) in forms.items():
+        one = found(surface, *PRESSED, f"conditioning.form={form}", *more)
+        (said,) = [problem for problem in one.problems if problem.code == "form_taken_off"]
+        assert said.severity == "info"
+        assert ("the instrument makes up to 1e-06 m of a flat" in said.message) == bool(more)
+        assert "that moves" in said.message
+
+
+def assert_moves(other, whole, severity, within, code="long_waves_filtered"):
+    """Assert that what a filter or a form is said to move is what the face without it changes."""
+    assert code not in {one.code for one in whole.problems}
+    (said,) = [one for one in other.problems if one.code == code]
     stiffness = [one.slip.tangential_stiffness_N_per_m for one in (other, whole)]
     moved, energy = abs(stiffness[1] / stiffness[0] - 1), moved_energy(other, whole)
     assert said.effect.tangential_stiffness == pytest.approx(moved, rel=within, abs=1e-3)

@@ -51,6 +51,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
         seams=None,
         finer_as_turned=lambda: None,
         unfiltered_as_turned=lambda: None,
+        with_form_as_turned=lambda: None,
         surface=SimpleNamespace(
             height_m=height_m,
             tops=tops,
@@ -84,7 +85,12 @@ def test_what_is_asked_for_begins_at_the_least_share():
 
 @pytest.mark.parametrize(
     ("code", "flatness_m", "noted"),
-    [("bow_left", 1e-9, False), ("bow_left", None, True), ("long_waves_filtered", None, False)],
+    [
+        ("bow_left", 1e-9, False),
+        ("bow_left", None, True),
+        ("long_waves_filtered", None, False),
+        ("form_taken_off", None, False),
+    ],
 )
 def test_what_is_no_sign_of_the_face_and_moves_nothing_is_not_noted(code, flatness_m, noted):
     surface = SimpleNamespace(faces=1)
@@ -193,6 +199,8 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
         ("seams", "info", face(), False),
         ("resampled_coarser", "warning", face(), True),
         ("long_waves_filtered", "warning", face(), True),
+        ("form_taken_off", "warning", face(), True),
+        ("form_taken_off", "info", face(), True),
         ("bow_left", "info", face(), True),
         ("clipped", "warning", face(), True),
         ("load_on_doubtful_caps", "warning", face(), True),

@@ -278,6 +278,37 @@ def test_what_a_filter_of_long_waves_took_off_is_kept(shape):
     assert np.ptp(level_m) < 1e-15
 
 
+@pytest.mark.parametrize("shape", [None, (57, 82)])
+@pytest.mark.parametrize(
+    "form", [{"form": "quadratic"}, {"form": "polynomial", "form_degree": 4}, {"form": "sphere"}]
+)
+def test_a_form_that_was_taken_off_is_known_beside_a_plane(form, shape):
+    """Put back, the map is that which a plane alone was taken off; also as the surface turned."""
+    y, x = np.indices(rough().shape) * 1e-4
+    surface = HeightMap(rough() - (x - 2e-3) ** 2 / 3.0 - y**2 / 3.0, PIXEL_M)
+    level, bent = (condition(surface, **one, resample_to=shape) for one in ({}, form))
+    assert level.form is None
+    assert level.with_form_as_turned() is None
+    off_m = bent.formed.height_m - level.surface.height_m
+    bow_m = np.ptp(bent.formed.height_m - bent.surface.height_m)
+    within = 1e-4 if shape is None else 0.02  # filters bend a bow at the edges
+    assert np.ptp(remove_form(HeightMap(off_m, PIXEL_M), "plane")[0].height_m) < within * bow_m
+    assert bow_m > 1e-6
+    ny, nx = bent.surface.shape
+    tilted = bent.surface.plus(1e-7 * np.arange(nx), np.zeros(ny))
+    turned = bent.turned(tilted, (1e-3, 0.0), (0.0, 0.0), {"step": "level"})
+    np.testing.assert_allclose(
+        turned.with_form_as_turned().height_m - turned.surface.height_m,
+        bent.formed.height_m - bent.surface.height_m,
+        atol=1e-15,
+    )
+
+
+def test_a_form_below_a_filter_of_long_waves_is_one_of_these():
+    given = {"form": "quadratic", "l_filter_nesting_index_m": 2e-3}
+    assert condition(HeightMap(rough(), PIXEL_M), **given).form is None
+
+
 def test_condition_is_quick_and_small():
     scene = Scene(families=(CapFamily("G", 5, 23.8),), noise_rms_m=2e-9, tilt=(1e-3, 0.0))
     scene = replace(scene, n_spikes=100, spike_m=2e-6, non_measured_fraction=0.05)

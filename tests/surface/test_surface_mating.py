@@ -346,6 +346,21 @@ def test_mated_faces_are_conditioned_and_tell_their_steps():
     json.dumps(both.steps, allow_nan=False)
 
 
+def test_the_sum_of_faces_less_their_forms_knows_that_of_faces_with_them():
+    scans = [HeightMap(waves((60, 90), seed), PIXEL_M) for seed in (1, 2)]
+    level, bent = ([condition(one, form) for one in scans] for form in ("plane", "quadratic"))
+    placement = place(*(one.surface for one in level), offset_m=(3e-4, -7e-4))
+    both, mixed = mate(*bent, placement), mate(level[0], bent[1], placement)
+    assert mate(*bent, placement, way="together").form is None
+    assert mate(*level, placement).with_forms is None
+    of_level = [one.surface.height_m for one in level]
+    expected = composite_surface(*(one.surface for one in level), placement).height_m
+    apart_m = 1e-3 * np.ptp(of_level[0])
+    for one in (both, mixed):
+        np.testing.assert_allclose(one.with_form_as_turned().height_m, expected, atol=apart_m)
+        assert np.nanmax(np.abs(one.surface.height_m - expected)) > 10 * apart_m
+
+
 @pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
 def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_long_waves(filtered):
     shape = (60, 90)

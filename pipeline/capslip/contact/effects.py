@@ -39,9 +39,14 @@ OF_THE_HEIGHTS = (
 )
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
-COARSER, FILTERED = "resampled_coarser", "long_waves_filtered"
+COARSER, FILTERED, FORMED = "resampled_coarser", "long_waves_filtered", "form_taken_off"
 # Doubts that are warnings where nobody knows what they move, and why nobody does
-UNKNOWN = {COARSER: "more points have no answer", FILTERED: "the face with them has no answer"}
+UNKNOWN = {
+    COARSER: "more points have no answer",
+    FILTERED: "the face with them has no answer",
+    FORMED: "the caps or the map without it do not tell",
+}
+NOT_OF_THE_FACE = (FILTERED, FORMED)  # what was chosen, and no sign
 LEAST_MOVED = 1e-3  # less is not noted of what is no sign of the face itself
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
@@ -94,11 +99,12 @@ def with_effects(
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
     the rest, and so may what is open to the edge of the map; points that were removed may have been
-    there; long waves that a filter took off may be the face's own. Where the map itself answers,
-    bow and levels are taken off it, and long waves put back, on points so far apart that this costs
-    little, where these tell; removed points that may matter are put back; of one that was
-    interpolated, the measured points alone are pressed, of one that was filled, fewer of them, of
-    one that was resampled to fewer, more, and of one with a ripple, the same without it.
+    there; long waves that a filter took off may be the face's own, and so may the form. Where the
+    map itself answers, bow and levels are taken off it, and long waves and form put back, on points
+    so far apart that this costs little, where these tell; removed points that may matter are put
+    back; of one that was interpolated, the measured points alone are pressed, of one that was
+    filled, fewer of them, of one that was resampled to fewer, more, and of one with a ripple, the
+    same without it.
     Within `contact.tolerance` it is information, and nothing below a thousandth where it is no sign
     of the face but a filter or the bow of the instrument. So are removed points information that
     stand off both ways, as errors do; else it is a warning. What moves the energy at smaller forces
@@ -122,8 +128,9 @@ def with_effects(
     least_share : float
         Of mu N, the least force that is asked for; from a quarter on it is all the same.
     """
-    others = conditioned.finer_as_turned(), conditioned.unfiltered_as_turned()
-    face = FaceOfCaps(conditioned.surface, settings, conditioned.seams, *others)
+    before = conditioned.unfiltered_as_turned(), conditioned.with_form_as_turned()
+    others = conditioned.seams, conditioned.finer_as_turned(), *before
+    face = FaceOfCaps(conditioned.surface, settings, *others)
     tolerance = settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
     filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
@@ -149,6 +156,7 @@ def with_effects(
             effects["outliers_removed"] = by_map
             how["outliers_removed"] = "found on the map with them"
     errors = {"outliers_removed"} if conditioned.removed.both_ways else set()
+    errors |= {one.code for one in problems if (one.code, one.severity) == (FORMED, "info")}
     limits = {code: math.inf if code in errors else tolerance for code in how}
     none = {code for code, one in effects.items() if _is_nothing(code, one, face)}
     return [
@@ -166,7 +174,7 @@ def with_effects(
 def _is_nothing(code: str, moved: _Moved | None, face: FaceOfCaps) -> bool:
     """Tell whether what was only given, a filter or the bow of an instrument, moves nothing."""
     given = code == "bow_left" and known_flatness_m(face.surface, face.settings) is not None
-    if moved is None or not (given or code == FILTERED):
+    if moved is None or not (given or code in NOT_OF_THE_FACE):
         return False
     return max(moved.effect.greatest, moved.approach, moved.hidden) < LEAST_MOVED
 
@@ -254,6 +262,12 @@ def _filtered_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...
     return tuple(thinned(one) for one in maps)
 
 
+def _formed_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
+    """Return a thinned map, and the same with the form that was taken off."""
+    maps = face.surface, *([] if face.with_form is None else [face.with_form])
+    return tuple(thinned(one) for one in maps)
+
+
 def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     """Return a map, and that of its measured points alone."""
     surface = face.surface
@@ -292,6 +306,7 @@ OF_FEWER_POINTS = {
     "bow_left": _bow_or_not,
     "seams": _seams_or_not,
     FILTERED: _filtered_or_not,
+    FORMED: _formed_or_not,
 }
 OF_THE_MAP = {
     "interpolated": _interpolated_or_not,
@@ -371,7 +386,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bo
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
     others = problem.code in (*OF_THE_HEIGHTS, *OF_FEWER_POINTS, *OF_THE_MAP, *LEFT_OUT)
-    return others and (problem.severity == "warning" or problem.code == "bow_left")
+    return others and (problem.severity == "warning" or problem.code in ("bow_left", FORMED))
 
 
 def _is_firm(problem: Problem, conditioned: Conditioned, caps: CapTable) -> bool:
@@ -421,7 +436,8 @@ def _as_severe(
     unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
     if moved is None and problem.code in UNKNOWN:
         message = f"{problem.message}; nobody knows what that moves: {UNKNOWN[problem.code]}"
-        return replace(problem, severity="warning", message=message)
+        severity = problem.severity if math.isinf(tolerance) else "warning"
+        return replace(problem, severity=severity, message=message)
     if moved is None:
         return replace(problem, severity="warning") if unknown_matters else problem
     effect = moved.effect

@@ -54,6 +54,7 @@ class FaceOfCaps:
     seams: Seams | None = None  # of the map
     finer: HeightMap | None = None  # the same map on more points, see `Conditioned`
     unfiltered: HeightMap | None = None  # the same with its long waves, see there
+    with_form: HeightMap | None = None  # the same with its form
 
     def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
         """Return the caps over the plane that balances them, and their curve with interaction."""
@@ -147,7 +148,9 @@ class Trials:
         elif code == "seams":
             yield from self._in_one_field()
         elif code == "long_waves_filtered":
-            yield self._with_long_waves()
+            yield self._as_before(self.face.unfiltered)
+        elif code == "form_taken_off":
+            yield self._as_before(self.face.with_form)
         elif code in ("interpolated", "points_filled", "resampled_coarser", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
@@ -215,15 +218,15 @@ class Trials:
         for up_m in (levels_m(seams), tilts_m(seams)):
             yield caps.with_columns(peak_height_m=caps.peak_height_m - up_m[at])
 
-    def _with_long_waves(self) -> CapTable:
-        """Return caps on the long waves that a filter took off, as blunt as these make them.
+    def _as_before(self, other: HeightMap | None) -> CapTable:
+        """Return caps on what a filter or the form took off, as blunt as these waves make them.
 
         Not where a hill below the cut would touch as well on these.
         """
-        caps, surface, unfiltered = self.caps, self.face.surface, self.face.unfiltered
-        if unfiltered is None:
+        caps, surface = self.caps, self.face.surface
+        if other is None:
             raise ContactError("no long waves were taken off the map that was pressed")
-        up_m, curvature_per_m = long_waves_at(surface, unfiltered, caps.x_m, caps.y_m)
+        up_m, curvature_per_m = long_waves_at(surface, other, caps.x_m, caps.y_m)
         sharp = 1.0 - caps.radius_m * curvature_per_m
         if not (np.isfinite(up_m) & (sharp > 0.0))[caps.usable].all():
             raise ContactError("nobody knows what a cap is with the long waves below its apex")
@@ -232,7 +235,7 @@ class Trials:
             peak_height_m=caps.peak_height_m + np.where(caps.usable, up_m, 0.0),
             radius_m=caps.radius_m / sharp,
         )
-        self._refuse_others(moved, coarse_map(surface), coarse_map(unfiltered))
+        self._refuse_others(moved, coarse_map(surface), coarse_map(other))
         return moved
 
     def _without(self, flag: CapFlag) -> CapTable:

@@ -12,13 +12,14 @@ from capslip.problems import Problem
 from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse_absurd
 from capslip.surface.filling import fill_scattered
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
-from capslip.surface.form import FormKind, remove_form
+from capslip.surface.form import Form, FormKind, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import finer_than, problems_of_resampling, resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
 from capslip.surface.rows import row_blocks
 from capslip.surface.seams import Seams, find_seams
+from capslip.surface.taken_form import TakenForm, taken_form
 from capslip.surface.tops import restore_tops, without_lost_tops
 
 OutlierRule = Literal["isolated", "none"]
@@ -54,6 +55,10 @@ class Conditioned:
     unfiltered : HeightMap, or None
         The same face with the long waves that a filter took off; without the planes that were added
         since.
+    form : TakenForm, or None
+        What was taken off beside a plane; None of two faces.
+    with_forms : HeightMap, or None
+        The sum of two faces with their forms; without the planes that were added since.
     measured_shape : (int, int), or None
         (ny, nx) before it was resampled; None where nobody knows.
     """
@@ -70,6 +75,8 @@ class Conditioned:
     tops_of_scans: tuple[Tops | None, ...] = ()
     finer: HeightMap | None = None
     unfiltered: HeightMap | None = None
+    form: TakenForm | None = None
+    with_forms: HeightMap | None = None
     measured_shape: tuple[int, int] | None = None
 
     @cached_property
@@ -115,6 +122,17 @@ class Conditioned:
     def unfiltered_as_turned(self) -> HeightMap | None:
         """Return `unfiltered` as the surface lies, but for a constant, and with its voids."""
         return self._as_turned(self.unfiltered)
+
+    @property
+    def formed(self) -> HeightMap:
+        """Return the map as it was fitted, with the form that was taken off beside a plane."""
+        return self.as_fitted() if self.form is None else self.form.put_back(self.as_fitted())
+
+    def with_form_as_turned(self) -> HeightMap | None:
+        """Return the map with its form as it lies, but for a constant, and with its voids."""
+        if self.form is not None:
+            return self.form.put_back(self.surface)
+        return self._as_turned(self.with_forms)
 
     def _as_turned(self, other: HeightMap | None) -> HeightMap | None:
         if other is None:
@@ -203,6 +221,7 @@ def condition(
         removed_m = _removed_m(with_them, surface, found)
         del with_them
         surface = without_lost_tops(surface)  # a code for missing data is no limit of a sensor
+    also: dict[str, Any] = {"form": _beside_plane(smooth, surface, removed_form)}
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
     problems = problems_of_rounding(smooth)
@@ -215,8 +234,8 @@ def condition(
     if s_filter_nesting_index_m is not None:
         surface = gaussian_s_filter(surface, s_filter_nesting_index_m)
         steps.append({"step": "s_filter", "nesting_index_m": s_filter_nesting_index_m})
-    also: dict[str, Any] = {}
     if l_filter_nesting_index_m is not None:
+        also["form"] = None  # it is one of the long waves
         also["unfiltered"] = surface if resample_to is None else resample(surface, resample_to)
         surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
         steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
@@ -228,9 +247,16 @@ def condition(
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
+    also |= {"removed": found} if removed_m.size else {}
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
-    removed = found if removed_m.size else Outliers()
-    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,), **also)
+    return Conditioned(*known, tops_of_scans=(surface.tops,), **also)
+
+
+def _beside_plane(before: HeightMap, after: HeightMap, form: Form) -> TakenForm | None:
+    """Return the form that was taken off, None where it is no more than a plane."""
+    if form.kind in ("none", "plane") or form.degree == 1:
+        return None
+    return taken_form(before, after, form.degree)
 
 
 def _sloped(surface: HeightMap, slope: tuple[float, float]) -> HeightMap:

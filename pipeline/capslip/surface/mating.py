@@ -318,6 +318,7 @@ def mate(
             tops_of_scans=tops,
             finer=None,
             unfiltered=None,
+            form=None,
         )
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
@@ -327,18 +328,21 @@ def mate(
     sq_m, sz_m = sq_and_sz_m(surface)
     second_m = surface.height_m - on_same.height_m
     found = surface, sq_m, sz_m, steps, (*problems, *doubts)
-    finer = unfiltered = None
+    finer = unfiltered = with_forms = None
     fit = {"robust": robust, "floor": floor}
     if first.finer is not None or second.finer is not None:
         finer = composite_surface(first.finest, second.finest, placement, **fit)
     if first.unfiltered is not None or second.unfiltered is not None:
         unfiltered = composite_surface(first.whole, second.whole, placement, **fit)
+    if first.form is not None or second.form is not None:
+        with_forms = composite_surface(first.formed, second.formed, placement, **fit)
     return Conditioned(
         *found,
         second_m=second_m,
         tops_of_scans=tops,
         finer=finer,
         unfiltered=unfiltered,
+        with_forms=with_forms,
         measured_shape=first.measured_shape,
     )
 
