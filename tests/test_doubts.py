@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from capslip import doubts
+from capslip.analysis import analyze_once
 from capslip.contact.rung import ModelError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings, load_settings
 from capslip.surface.doubts import problems_of_tilt
 from capslip.surface.flatness import bow_left, problems_of_flatness
 from capslip.surface.heightmap import HeightMap
-from scenes import PROJECT
+from scenes import PROJECT, caps_map
 
 ASKED = {
     "problems_of_seams": "seams",
@@ -227,6 +228,8 @@ def test_small_slip_is_noted_once():
 
 TURNED, LAGS = "mating.rotation_rad=0.1", "slip.normal_phase_rad=1"
 NO_FORM = "conditioning.form=none"
+LOPSIDED = [(8e-3, 6e-3, 20.0, 0.0), (2.6e-2, 8e-3, 20.0, 2e-8), (1.4e-2, 1.8e-2, 25.0, -2e-8)]
+LEVELLED, BESIDE = "contact.alignment=as_levelled", "contact.load_point_m=[1mm,2mm]"
 ROBUST, FLOOR = "conditioning.form_robust=true", "conditioning.form_floor=true"
 OF_A_SCAN = ("reading.invert=true", "hills.cut=fixed", "families.count=2", "run.sensitivity=true")
 OF_A_JOINT = ("contact.preload_N=5", "slip.direction_rad=1", "run.figures=false", "families.m=3")
@@ -243,6 +246,10 @@ OF_A_JOINT = ("contact.preload_N=5", "slip.direction_rad=1", "run.figures=false"
         ((NO_FORM, FLOOR), True, True, []),  # fits the plane of the sum
         ((FLOOR,), True, False, []),
         ((NO_FORM,), True, False, []),
+        ((LEVELLED, BESIDE), True, False, ["warning contact.load_point_m"]),
+        ((LEVELLED, BESIDE), True, True, ["warning contact.load_point_m"]),
+        ((LEVELLED,), True, False, []),
+        ((BESIDE,), True, False, []),
         ((LAGS,), True, False, ["warning slip.normal_phase_rad"]),
         ((LAGS,), False, False, ["warning slip.normal_phase_rad"]),
         ((LAGS, "slip.normal_amplitude_ratio=0.1"), False, False, []),
@@ -260,6 +267,21 @@ def test_settings_that_nothing_reads_are_named(words, scanned, mated, said):
     found = doubts.problems_of_settings(load_settings(overrides=words), scanned, mated)
     heads = [f"{one.severity} {one.message}".partition(" not used")[0] for one in found]
     assert heads == [f"{one} {'are' if ', ' in one else 'is'}" for one in said]
+
+
+def test_a_load_point_under_which_nothing_turns_moves_the_told_distance_alone():
+    """As its message says; the face that turns is another one."""
+    surface = caps_map(LOPSIDED, (120, 180), (2e-4, 2e-4))
+    level, beside, turned = (
+        analyze_once(surface, load_settings(overrides=("contact.model=interacting", *words)))
+        for words in ((LEVELLED,), (LEVELLED, BESIDE), ("contact.load_point_m=[15mm,13mm]",))
+    )
+    (said,) = [one for one in beside.problems if one.code == "settings_ignored"]
+    assert "only how far off the resultant lies counts from there" in said.message
+    stiffness = [one.slip.tangential_stiffness_N_per_m for one in (level, beside, turned)]
+    assert stiffness[1] == stiffness[0] != stiffness[2]
+    moved_m = np.subtract(level.contact.eccentricity_m, beside.contact.eccentricity_m)
+    assert moved_m == pytest.approx(np.subtract((1e-3, 2e-3), level.contact.load_point_m))
 
 
 @pytest.mark.parametrize("scanned", [True, False])

@@ -153,6 +153,12 @@ def problems_of_settings(settings: Settings, scanned: bool, mated: bool) -> list
         if settings.conditioning.form == "none":  # of a sum these fit the plane that is taken off
             why = "no form is taken off (conditioning.form = none)"
             idle += [("warning", changed(settings, FITS), why)]
+    if scanned and settings.contact.alignment == "as_levelled":
+        why = (
+            "nothing turns about it (contact.alignment = as_levelled), and K and W do not depend "
+            "on it; only how far off the resultant lies counts from there"
+        )
+        idle += [("warning", changed(settings, ["contact.load_point_m"]), why)]
     if settings.slip.normal_amplitude_ratio == 0.0:
         why = "the normal load is constant (slip.normal_amplitude_ratio = 0)"
         idle += [("warning", changed(settings, ["slip.normal_phase_rad"]), why)]
