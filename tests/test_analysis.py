@@ -124,10 +124,10 @@ AREA = "joint.area_m2=0.01"
 def test_scans_of_no_joint_are_refused(n, words, said):
     settings = load_settings(overrides=words)
     if said is None:
-        analysis._check_scans([None] * n, settings)
+        analysis.check_scans([None] * n, settings)
     else:
         with pytest.raises(SettingsError, match=said):
-            analysis._check_scans([None] * n, settings)
+            analysis.check_scans([None] * n, settings)
 
 
 TOGETHER, MAP = "mating.way=together", "contact.model=boundary_elements"

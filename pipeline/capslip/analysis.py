@@ -208,7 +208,7 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     """
     check_maps(surfaces)
     settings = checked(settings)
-    _check_scans(surfaces, settings)
+    check_scans(surfaces, settings)
     clock, started = Clock(), _now()
     with clock("scans"):
         scans = tuple(analyze(surface, settings) for surface in surfaces)
@@ -287,7 +287,14 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _check_scans(surfaces: Sequence[HeightMap], settings: Settings) -> None:
+def check_scans(surfaces: Sequence[object], settings: Settings) -> None:
+    """Refuse scans, or files of them, of which the settings make no joint: before any is read.
+
+    Raises
+    ------
+    SettingsError
+        As for `analyze_scans`.
+    """
     if len(surfaces) < 2:
         raise SettingsError(f"scans: got {len(surfaces)}; expected two scans of one joint, or more")
     if settings.joint.area_m2 is None and settings.joint.pressure_map is None:

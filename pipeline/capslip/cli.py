@@ -125,13 +125,13 @@ def _analyze_scans(
     verbose: bool,
 ) -> None:
     """Analyse several scans of one joint."""
-    from capslip.analysis import analyze_scans
+    from capslip.analysis import analyze_scans, check_scans
     from capslip.output.folder import write_joint
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
 
-    name = f"{surfaces[0].stem}-and-{len(surfaces) - 1}-more"
-    folder = out if out is not None else Path("results") / name
+    check_scans(surfaces, settings)
+    folder = out or Path("results") / f"{surfaces[0].stem}-and-{len(surfaces) - 1}-more"
     check_folder(folder, keep=surfaces)
     say = Progress(quiet, verbose)
     faces: dict[str | None, HeightMap] = {}

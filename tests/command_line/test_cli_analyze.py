@@ -149,3 +149,27 @@ def test_what_several_scans_cannot_have_is_refused(options, says, tmp_path):
     assert ran.exit_code == 2
     assert says in ran.stderr
     assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "joint.area_m2: got 3 scans"),
+        (("joint.area_m2=1", "slip.normal_amplitude_ratio=0.3"), "ratio: got 0.3 with 3 scans"),
+        (("joint.area_m2=1", "contact.model=flat"), "contact.model: got flat with 3 scans"),
+    ],
+)
+def test_settings_of_which_scans_make_no_joint_are_refused_before_one_is_read(
+    words, says, tmp_path, monkeypatch
+):
+    """Of hundreds of scans that is a long time for nothing."""
+
+    def read(*given, **more):
+        raise AssertionError("a scan was read")
+
+    monkeypatch.setattr("capslip.cli._load", read)
+    faces = [str(FACE), str(OTHER), str(FACE)]
+    options = [word for one in words for word in ("--set", one)]
+    ran = CliRunner().invoke(main, ["analyze", *faces, "-o", str(tmp_path / "x"), *options])
+    assert ran.exit_code == 2
+    assert says in ran.stderr
