@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
+from capslip.contact.models import interacting as model
 from capslip.contact.models.caps import caps
 from capslip.contact.models.interacting import interacting
 from capslip.contact.models.mean_field import mean_field
@@ -389,3 +390,21 @@ def test_what_was_asked_before_changes_no_answer():
     np.testing.assert_allclose(curve.load_N(np.array(first)), (40.0, 400.0), rtol=1e-10)
     softer = in_series(curve, 1e-10)
     assert float(softer.approach_m(400.0)) == pytest.approx(first[1] + 4e-8, rel=1e-12)
+
+
+def test_a_stiffness_that_was_asked_before_is_not_solved_again(monkeypatch):
+    """That under the preload is asked for by slip, law and answers again and again."""
+    solved = []
+    solve = model.solve_coupled
+    monkeypatch.setattr(model, "solve_coupled", lambda *given: solved.append(1) or solve(*given))
+    curve = face_of_23(460.0)
+    d = curve.approach_m(460.0)
+    first = curve.stiffness_N_per_m(d)
+    n_solved = len(solved)
+    assert n_solved > 0
+    assert curve.stiffness_N_per_m(d) == first
+    assert len(solved) == n_solved
+    first *= 2.0  # what was given away is the caller's
+    assert curve.stiffness_N_per_m(d) == 0.5 * first
+    assert curve.stiffness_N_per_m(d, 0.5 * d) < 0.5 * first
+    assert len(solved) > n_solved

@@ -8,7 +8,12 @@ from numpy.typing import ArrayLike
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps, touching_caps
 from capslip.contact.solvers.balance import Equilibrium, press, press_sets
-from capslip.contact.solvers.hertz import HertzCurve, load_drop_of_asperity, loss_of_asperity
+from capslip.contact.solvers.hertz import (
+    KEPT,
+    HertzCurve,
+    load_drop_of_asperity,
+    loss_of_asperity,
+)
 from capslip.contact.solvers.near_field import NearField, near_field
 from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
@@ -40,6 +45,8 @@ class InteractingCurve(HertzCurve):
     _equilibrium: dict[float, tuple[float, np.ndarray]] = field(
         default_factory=dict, kw_only=True, repr=False
     )
+    # Slopes at single states: that under the preload is asked again and again
+    _slopes: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
     def overlapping_pairs(self, approach_m: float) -> int:
         """Count the pairs with a_i + a_j > r_ij: their contacts merge, and the model ends there.
@@ -207,6 +214,16 @@ class InteractingCurve(HertzCurve):
         return (None if near is None else near.of(on)), on
 
     def _slope(self, g: np.ndarray) -> np.ndarray:
+        if g.ndim > 1:
+            return self._implicit_slope(g)
+        key = g.tobytes()
+        if key not in self._slopes:
+            if len(self._slopes) > KEPT:
+                self._slopes.clear()
+            self._slopes[key] = self._implicit_slope(g)
+        return self._slopes[key].copy()
+
+    def _implicit_slope(self, g: np.ndarray) -> np.ndarray:
         """dN/dy by the implicit derivative 1^T (1 + D C)^-1 D 1, D = diag(1.5 k sqrt(g)).
 
         With the near field C has some per cent more, K. Then the slope is the maximum over s of
