@@ -42,6 +42,21 @@ def approach_at_yield_m(law, radius_m=RADIUS_M):
     return radius_m * (np.pi * C * law.hardness_Pa / 2.8 / (2 * law.E_star_Pa)) ** 2
 
 
+def test_equal_laws_are_searched_for_their_yield_once(monkeypatch):
+    """Each stage makes its own law, and 200 halvings of it cost more than what it is asked for."""
+    asked, fit = [], YieldLaw._fit
+    monkeypatch.setattr(YieldLaw, "_fit", lambda law, w: asked.append(law) or fit(law, w))
+    given = 1.234e9, 1.1e11, 0.31
+    pressures = [YieldLaw(*given).mean_pressure_Pa(np.ones(1), RADIUS_M) for _ in range(2)]
+    first = len(asked)
+    assert pressures[0] == pressures[1] == YieldLaw(*given).mean_pressure_Pa(np.ones(1), RADIUS_M)
+    assert len(asked) - first < 0.2 * first
+    harder = YieldLaw(2.0 * given[0], *given[1:])
+    assert harder.mean_pressure_Pa(np.ones(1), RADIUS_M) > pressures[0]
+    # Where it yields, both formulas have one load
+    assert fit(harder, harder._w_t)[0] == pytest.approx(harder._w_t**1.5, rel=1e-13)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_load_area_and_mean_pressure_rise_without_a_jump(law):
     loads_N = np.geomspace(1e-9, 1e9, 400_001)

@@ -14,7 +14,7 @@ So a face that was loaded once is a face of other caps, and every elastic model 
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -145,14 +145,7 @@ class YieldLaw:
     @cached_property
     def _w_t(self) -> float:
         """Approach at which the cap yields, as w."""
-        low, high = 1e-2, _MOST_W
-        for _ in range(200):
-            middle = math.sqrt(low * high)
-            if self._fit(middle)[0] > middle**1.5:
-                low = middle
-            else:
-                high = middle
-        return low
+        return _w_at_yield(self)
 
     def _w(self, f: np.ndarray) -> np.ndarray:
         """Return w under loads f; the exponent is 1 to 1.5, so Newton in logarithms contracts."""
@@ -171,13 +164,7 @@ class YieldLaw:
     @cached_property
     def _greatest(self) -> tuple[float, float]:
         """Where the mean pressure of the fit is greatest, as w, and this pressure."""
-        low, high = self._w_t, _MOST_W
-        for _ in range(4):  # down to where rounding hides the top
-            w = np.geomspace(low, high, 401)
-            pressure_Pa = self._fitted_pressure_Pa(w)
-            at = int(np.argmax(pressure_Pa))
-            low, high = float(w[max(at - 1, 0)]), float(w[min(at + 1, 400)])
-        return float(w[at]), float(pressure_Pa[at])
+        return _greatest_pressure(self)
 
     def _fitted_pressure_Pa(self, w: np.ndarray) -> np.ndarray:
         strain = min(self.hardness_Pa / HARDNESS_PER_YIELD / self.E_star_Pa, _MOST_STRAIN)
@@ -194,6 +181,30 @@ class YieldLaw:
         plastic_Pa = np.minimum(at_yield_Pa + stretch * above, self.hardness_Pa)
         plastic_Pa = np.where(w < w_full, plastic_Pa, self.hardness_Pa)
         return np.where(w > self._w_t, plastic_Pa, elastic_Pa)
+
+
+@lru_cache(maxsize=64)
+def _w_at_yield(law: YieldLaw) -> float:
+    """Return `_w_t` of a law: each stage makes its own, and nearly all are equal."""
+    low, high = 1e-2, _MOST_W
+    while low < (middle := math.sqrt(low * high)) < high:  # no number is between them in the end
+        if law._fit(middle)[0] > middle**1.5:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@lru_cache(maxsize=64)
+def _greatest_pressure(law: YieldLaw) -> tuple[float, float]:
+    """Return `_greatest` of a law."""
+    low, high = law._w_t, _MOST_W
+    for _ in range(4):  # down to where rounding hides the top
+        w = np.geomspace(low, high, 401)
+        pressure_Pa = law._fitted_pressure_Pa(w)
+        at = int(np.argmax(pressure_Pa))
+        low, high = float(w[max(at - 1, 0)]), float(w[min(at + 1, 400)])
+    return float(w[at]), float(pressure_Pa[at])
 
 
 @dataclass(frozen=True, eq=False)
