@@ -322,11 +322,12 @@ def _moments(
     a map may be between its solved loads, so they lose the greatest convex one below it. Its slopes
     bound those of the force, and none is beyond the force at total slip.
     """
-    keep = [0]
+    keep, at_m, lost_J = [0], border_m.tolist(), W_J.tolist()
     for i in range(1, border_m.size):
         while len(keep) > 1:
-            (x, y), (w, z) = border_m[keep[-2:]], W_J[keep[-2:]]
-            if (z - w) * (border_m[i] - x) <= (W_J[i] - w) * (y - x):
+            x, y = (at_m[one] for one in keep[-2:])
+            w, z = (lost_J[one] for one in keep[-2:])
+            if (z - w) * (at_m[i] - x) <= (lost_J[i] - w) * (y - x):
                 break
             keep.pop()
         keep.append(i)
