@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from capslip.analysis import analyze_once
+from capslip.contact import bulk
 from capslip.contact.bulk import bulk_compliance_m_per_N, bulk_of_face_m_per_N, filled_outside
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
@@ -74,6 +75,22 @@ def test_a_face_that_goes_on_sinks_as_the_rectangle():
     rectangle = bulk_compliance_m_per_N((32e-3, 48e-3), 1e11)
     assert bulk_of_face_m_per_N(whole, 1e11) == pytest.approx(rectangle, rel=1e-12)
     assert np.array_equal(np.isnan(filled_outside(without(CORNER | hole)).height_m), hole)
+
+
+@pytest.mark.parametrize("lost", [CORNER, False])
+def test_a_face_that_turns_keeps_its_bulk_which_is_found_once(monkeypatch, lost):
+    """A law asks for it at the level of each pressure."""
+    found, energies = [], bulk.energies_of_map
+    monkeypatch.setattr(bulk, "energies_of_map", lambda *a: found.append(1) or energies(*a))
+    bulk._of_blocks.cache_clear()
+    flat = without(lost)
+    turned = replace(flat, height_m=flat.height_m + 1e-5 * X_M)
+    assert bulk_of_face_m_per_N(turned, 1e11) == bulk_of_face_m_per_N(flat, 1e11)
+    assert len(found) == 1
+    wider = replace(flat, pixel_size_m=(2 * PIXEL_M, 2 * PIXEL_M))
+    half = 0.5 * bulk_of_face_m_per_N(flat, 1e11)
+    assert bulk_of_face_m_per_N(wider, 1e11) == pytest.approx(half, rel=1e-12)
+    assert len(found) == 2
 
 
 def test_a_lost_corner_of_a_face_warns_and_tells_what_its_hills_move():

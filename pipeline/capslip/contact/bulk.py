@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,7 +18,7 @@ from capslip.surface.holes import disc_within_m, outside_as_made
 
 _MOST_SLIP = 0.75  # of mu N, up to which errors count
 _BLOCKS = 64  # along the longer side of an outline
-# An analysis asks dozens of times for the same face
+# An analysis asks dozens of times for the same face, and a law for it at a hundred levels
 _known: WeakKeyDictionary[HeightMap | ElasticFace, Energies] = WeakKeyDictionary()
 
 
@@ -100,10 +101,16 @@ def _of_outline(face: HeightMap | ElasticFace) -> Energies:
     at = (row // block * columns.size + col // block)[within]
     missing = np.bincount(at, minlength=rows.size * columns.size).reshape(rows.size, -1)
     share = (np.outer(rows, columns) - missing).astype(float)
-    (found,) = energies_of_map([share], (block * dy_m, block * dx_m))
+    found = _of_blocks(share.tobytes(), share.shape, (block * dy_m, block * dx_m))
     if at.size:
         return found
     return replace(found, mean=bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), 1.0))
+
+
+@lru_cache(maxsize=64)
+def _of_blocks(share: bytes, shape: tuple[int, ...], size_m: tuple[float, float]) -> Energies:
+    (found,) = energies_of_map([np.frombuffer(share).reshape(shape)], size_m)
+    return found
 
 
 def bulk_compliance_m_per_N(side_m: tuple[float, float], E_star_Pa: float) -> float:
