@@ -16,6 +16,7 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import ContactError
+from capslip.structure import beds
 from capslip.structure.band_state import Part
 from capslip.structure.interpolation import LawTables, tables_of
 from capslip.structure.law import SCATTERS, SHARES, SHARES_OF_SCANS, law
@@ -456,6 +457,15 @@ def test_each_pressure_of_a_face_that_yields_has_its_own_unloading(name):
     _, _, _, as_flat = mindlin(found.range_Pa[0], 1e-9, float(flat_m(LOAD_N)))
     _, _, _, own = mindlin(found.range_Pa[0], 1e-9, float(flat_m(found.range_Pa[0] * AREA_M2)))
     assert as_flat > 1.4 * own
+
+
+def test_no_bed_of_a_law_is_found_twice(monkeypatch):
+    """Those of all pressures are asked for at each turn that adds some, and in the end."""
+    asked, found_bed = [], beds._from_touch
+    monkeypatch.setattr(beds, "_from_touch", lambda *a: asked.append(a) or found_bed(*a))
+    found = law_of(after(LOAD_N), hardness=1e9, after=after)
+    assert len(asked) >= found.pressure_Pa.size
+    assert len({(p.tobytes(), z.tobytes(), K.tobytes()) for p, z, K in asked}) == len(asked)
 
 
 def test_pressures_that_a_face_cannot_bear_end_the_law():

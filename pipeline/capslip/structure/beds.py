@@ -1,6 +1,7 @@
 """The beds of springs that stand for a joint face under any pressure: stiffness over closure."""
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,6 +16,9 @@ LOAD_SHARES = np.union1d(
     np.geomspace(LEAST_LOAD, 0.5, POINTS_OF_OWN),
     1.0 - np.append(np.geomspace(0.49, LEAST_DROP, POINTS_OF_OWN // 2), 0.0),
 )
+# A law that is refined asks at each turn, and in the end, for beds that it had: by pressures
+_known: WeakKeyDictionary[SlipCurve, dict[bytes, tuple[np.ndarray, np.ndarray]]]
+_known = WeakKeyDictionary()
 
 
 def serves_all(slip: SlipCurve, rows: dict[str, np.ndarray]) -> bool:
@@ -114,11 +118,17 @@ def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch."""
-    curve = slip.curve
-    approach_m = np.asarray(curve.approach_m(p))
-    K = np.asarray(curve.stiffness_N_per_m(approach_m))
-    return _from_touch(p, approach_m - float(curve.touch_m), K)
+    """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch.
+
+    Not to be written to.
+    """
+    beds, pressures = _known.setdefault(slip, {}), p.tobytes()
+    if pressures not in beds:
+        curve = slip.curve
+        approach_m = np.asarray(curve.approach_m(p))
+        K = np.asarray(curve.stiffness_N_per_m(approach_m))
+        beds[pressures] = _from_touch(p, approach_m - float(curve.touch_m), K)
+    return beds[pressures]
 
 
 def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
