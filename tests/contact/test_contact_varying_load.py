@@ -213,6 +213,32 @@ def test_caps_that_act_on_one_another_are_solved_at_few_loads(monkeypatch):
     np.testing.assert_allclose(found_m[-3:-1], exact_m[-3:-1], rtol=1e-7, atol=rounded_m)
 
 
+def test_the_cycles_of_a_curve_are_followed_once_for_all_coefficients(monkeypatch):
+    """The interval of an answer asks for those of the joint at unit friction and kappa."""
+    followed, cycle = [], VaryingSlip._cycle
+    monkeypatch.setattr(
+        VaryingSlip, "_cycle", lambda slip, *given: followed.append(1) or cycle(slip, *given)
+    )
+    curve = families((5, 18), (23.8, 26.7), (0.0, 2.4e-7), 109.89e9)
+    oscillates = SlipSettings(normal_amplitude_ratio=0.31, normal_phase_rad=0.7)
+    off = 1.0 + 2e-16  # as the load that an approach gives back
+    one, other = (
+        varying(slip_curve(curve, N, mu, kappa), oscillates)
+        for N, mu, kappa in ((460.0, 0.2, 1.2), (460.0 * off, 1.0, 1.0))
+    )
+    force_N = np.geomspace(1e-3, 0.99, 20) * one.total_slip_force_N
+    delta_m, energy_J = one.displacement_m(force_N), one.energy_at_force_J(force_N)
+    n_followed = len(followed)
+    assert n_followed > 0
+    np.testing.assert_allclose(other.displacement_m(5.0 * force_N), delta_m / 0.24, rtol=1e-12)
+    loss_J = energy_J / (0.2**2 * 1.2)
+    np.testing.assert_allclose(other.energy_at_force_J(5.0 * force_N), loss_J, rtol=1e-11)
+    assert len(followed) == n_followed
+    more = varying(slip_curve(curve, 500.0, 0.2, 1.2), oscillates)
+    assert (more.displacement_m(force_N) < delta_m).all()
+    assert len(followed) > n_followed
+
+
 def test_the_model_and_its_error_are_those_of_the_constant_load():
     face = load_surface(FACE)
     still, moved = (

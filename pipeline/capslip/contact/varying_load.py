@@ -15,13 +15,15 @@ kind: Putignano, Ciavarella and Barber, J. Mech. Phys. Solids 59 (2011) 2442.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.curve import NormalCurve
 from capslip.contact.slip import SlipCurve, check_one_amplitude
 from capslip.contact.solvers.refined_spline import refined_spline
 from capslip.errors import SettingsError
@@ -40,6 +42,8 @@ ROUNDED = 1.0 + 1e-12  # of a limit: up to there it is beyond by rounding alone
 LEAST_SHARE = 1e-4  # of the force at gross slip: below it W is in proportion to T^3 or T^2
 WITHDRAWN = 1e-7  # of the withdrawal at no load, to which it is known at any load
 LOADS, SMALL_DROPS = 64, 24  # at which it is solved first
+# Of a curve, by its load and cycle: the interval of an answer asks for the cycles of the joint
+_known: WeakKeyDictionary[NormalCurve, dict[tuple[Any, ...], Any]] = WeakKeyDictionary()
 
 
 def greatest_over_mean(settings: "SlipSettings") -> float:
@@ -116,7 +120,7 @@ class VaryingSlip(SlipCurve):
         low, high = np.log(force_N[above - 1] / T), np.log(force_N[above] / T)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            less = T * np.exp(middle) * self._over_force(middle)[..., 0] < inside
+            less = T * np.exp(middle) * self._over_force_at(middle)[..., 0] < inside
             low, high = np.where(less, middle, low), np.where(less, high, middle)
         found = np.where(inside < delta_m[-1], T * np.exp(0.5 * (low + high)), force_N[-1])
         found = np.where(wanted < delta_m[0], wanted * force_N[0] / delta_m[0], found)
@@ -169,7 +173,21 @@ class VaryingSlip(SlipCurve):
 
     @cached_property
     def _over_force(self) -> Any:
-        """Displacement and root of the energy, both over the force.
+        """What `_cycles` gives, found once for all coefficients of friction and kappas."""
+        found = _known.setdefault(self.curve, {})
+        load = f"{self.preload_N:.12g}"  # what an approach gives back is off by rounding
+        cycle = load, self.normal_amplitude_ratio, self.normal_phase_rad
+        if cycle not in found:
+            found[cycle] = replace(self, friction_coefficient=1.0, kappa=1.0)._cycles()
+        return found[cycle]
+
+    def _over_force_at(self, log_share: np.ndarray) -> np.ndarray:
+        """Return displacement and root of the energy over the force, shape (..., 2)."""
+        mu, kappa = self.friction_coefficient, self.kappa
+        return np.asarray(self._over_force(log_share) * (kappa, np.cbrt(kappa / mu)))
+
+    def _cycles(self) -> Any:
+        """Return displacement and root of the energy, both over the force.
 
         A spline, (2,), over the logarithm of the share of gross slip: over the force these bend
         least, but where a contact slips as a whole.
@@ -196,7 +214,7 @@ class VaryingSlip(SlipCurve):
     def _table(self) -> np.ndarray:
         """Force, displacement and root of the energy over the forces of the table, (3, n)."""
         force_N = np.minimum(np.exp(self._over_force.x), 1.0) * self.total_slip_force_N
-        return np.vstack((force_N, force_N * self._over_force(self._over_force.x).T))
+        return np.vstack((force_N, force_N * self._over_force_at(self._over_force.x).T))
 
     def _at(self, force_N: ArrayLike, row: int) -> np.ndarray:
         T = np.asarray(force_N, dtype=float)
@@ -206,7 +224,7 @@ class VaryingSlip(SlipCurve):
         first, last = table[0, 0], table[0, -1]
         inside = np.clip(T, first, last)
         share = inside / self.total_slip_force_N
-        value = inside * self._over_force(np.log(share))[..., row - 1]
+        value = inside * self._over_force_at(np.log(share))[..., row - 1]
         value = np.where(first > T, value * T / first, value)
         return np.asarray(np.where(last * ROUNDED >= T, value, np.inf))
 
