@@ -226,7 +226,7 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     joint = _joint(parts)
     curves = [part.joint.curve(part.contact) for part in parts]
     shares = [part.share for part in parts]
-    each = [part.contact.composite.kappa for part in parts]
+    each = [part.kappa for part in parts]
     curve, kappa = joint_of_scans(curves, joint.preload_N, shares, each)
     slip = _sheared(curve, joint, kappa, settings, clock)
     return _with_band(_answered(replace(found, joint=joint, slip=slip), clock), clock)

@@ -117,9 +117,9 @@ def _sheared(
     """
     joint, surface, tolerance = face.joint, face.conditioned.surface, settings.contact.tolerance
     contact = _with_levels(face, with_direction(contact, caps, surface, settings), settings)
-    friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
     patches = joint.loaded(contact, greatest_over_mean(settings.slip))
-    curve = joint.curve_of(patches)
+    friction, kappa = settings.material.friction_coefficient, joint.kappa_of(patches)
+    curve = joint.curve_of(patches, kappa)
     slip = varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
     _ = slip.total_slip_displacement_m  # contacts that overlap may have none: told before any table
     contact = replace(contact, problems=(*contact.problems, *out_of_time(patches)))
@@ -135,7 +135,14 @@ def _with_levels(face: Face, contact: ContactState, settings: Settings) -> Conta
     """Return a pressed face that knows how it lies under other pressures."""
     if not finds_its_level(face, contact, settings):
         return contact
-    return knowing_levels(contact, lambda N: _lying_anew(face, contact, N, settings)[0])
+
+    def anew(load_N: float) -> ContactState:
+        pressed, caps = _lying_anew(face, contact, load_N, settings)
+        if contact.kappa_along is None:
+            return pressed
+        return with_direction(pressed, caps, face.conditioned.surface, settings)
+
+    return knowing_levels(contact, anew)
 
 
 def _with_errors_of_joint(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip import write
-from capslip.analysis import analyze, analyze_families, analyze_scans
+from capslip.analysis import analyze, analyze_families, analyze_once, analyze_scans
 from capslip.compare.model import load_model
 from capslip.contact.direction import with_direction
 from capslip.contact.lay import (
@@ -26,6 +26,7 @@ from capslip.contact.solvers.polonsky_keer import (
 from capslip.pressing import press_face
 from capslip.settings import load_settings
 from capslip.stages import Clock, find_face
+from capslip.structure.band_state import State
 from capslip.structure.law import law
 from capslip.studies.theorem.tangential import shear
 from capslip.surface.heightmap import HeightMap
@@ -33,6 +34,7 @@ from capslip.surface.heightmap import HeightMap
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 MU, PIXEL_M = 0.2, 2e-4
 ACROSS = math.pi / 2
+INPUTS = ("friction", "modulus", "preload", "hardness")
 
 
 def caps_of(ratio, turn_rad=0.0, shape=(120, 180)):
@@ -330,3 +332,72 @@ def test_given_families_are_round():
     sets = (f"families.{name}={value}" for name, value in given.items())
     settings = load_settings(overrides=(*sets, "slip.direction_rad=0.5"))
     assert analyze_families(settings).slip.kappa == STEEL.kappa
+
+
+def crossed(ratio=6.0, pixel_m=1e-4, shape=(100, 140)):
+    """Return long caps along x, and lower ones along y that only the greater pressure reaches."""
+    y, x = (np.mgrid[: shape[0], : shape[1]] + 0.5) * pixel_m
+    z, (ly, lx) = np.full(shape, -6e-7), np.array(shape) * pixel_m
+    along = [(0.25, 0.2), (0.75, 0.2), (0.25, 0.8), (0.75, 0.8)]
+    across = [(0.07, 0.5), (0.36, 0.5), (0.64, 0.5), (0.93, 0.5)]
+    for places, peak_m, R_x, R_y in ((along, 0.0, ratio, 1.0), (across, -4e-8, 1.0, ratio)):
+        for at_x, at_y in places:
+            fall = (x - at_x * lx) ** 2 / R_x + (y - at_y * ly) ** 2 / R_y
+            z = np.maximum(z, peak_m - fall / (2 * 4.0))
+    return HeightMap(z, (pixel_m, pixel_m))
+
+
+CROSSED = crossed()
+PRESSURES = ((1e5, 0.6), (4e5, 0.3), (2e6, 0.1))  # and shares of the area of the scan
+AS_LEVELLED = ("contact.alignment=as_levelled", "conditioning.form=none")
+ALL = tuple(
+    f"contact.model={name}" for name in ("boundary_elements", "caps", "interacting", "families")
+)
+
+
+def pressure_map(folder):
+    area_m2 = CROSSED.measured_area_m2
+    rows = "".join(f"{p!r},{share * area_m2!r}\n" for p, share in PRESSURES)
+    (folder / "map.csv").write_text(f"pressure_Pa,area_m2\n{rows}")
+    return folder / "map.csv"
+
+
+def under(pressure_Pa, *given):
+    """Return the analysis of the crossed caps that slip along x, as if alone under a pressure."""
+    nominal = f"contact.nominal_pressure_Pa={pressure_Pa!r}"
+    settings = load_settings(overrides=(nominal, "slip.direction_rad=0.0", *given))
+    return analyze_once(CROSSED, settings)
+
+
+@pytest.mark.usefixtures("fewer_points")
+@pytest.mark.parametrize("given", [(one, *AS_LEVELLED) for one in ALL] + [ALL[:1], ALL[2:3]])
+@pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=1.5e9",)])
+def test_each_patch_of_a_joint_slips_with_the_kappa_of_its_own_pressure(tmp_path, given, hardness):
+    """The joint is the sum of its patches at one displacement, each as an analysis alone has it."""
+    given = (*given, *hardness)
+    mapped = f"joint.pressure_map={pressure_map(tmp_path)}"
+    directed = load_settings(overrides=(mapped, "slip.direction_rad=0.0", *given))
+    joint = analyze_once(CROSSED, directed)
+    parts = [(share, under(p, *given)) for p, share in PRESSURES]
+    kappas = [one.slip.kappa for _, one in parts]
+    assert max(kappas) > 1.03 * min(kappas)  # else nothing would be told
+    assert min(kappas) < joint.slip.kappa < max(kappas)
+
+    def of_parts(name, *at):
+        return sum(share * np.asarray(getattr(one.slip, name)(*at)) for share, one in parts)
+
+    delta_m = np.array([0.01, 0.1, 0.3, 0.6]) * joint.slip.total_slip_displacement_m
+    for name in ("force_N", "energy_J"):
+        expected = of_parts(name, delta_m)
+        assert getattr(joint.slip, name)(delta_m) == pytest.approx(expected, rel=2e-3), name
+    K = sum(share * one.slip.tangential_stiffness_N_per_m for share, one in parts)
+    assert joint.slip.tangential_stiffness_N_per_m == pytest.approx(K, rel=1e-3)
+    normal = sum(share * one.contact.stiffness_N_per_m for share, one in parts)
+    assert joint.summary()["contact"]["stiffness_N_per_m"] == pytest.approx(normal, rel=1e-3)
+    # What the interval starts from is the answer
+    for by_force in (True, False):
+        state = State(joint.answer, by_force, joint.parts, directed)
+        found, energy_J = state.under(dict.fromkeys(INPUTS, np.zeros(1)))
+        answer = joint.answer.displacement_m if by_force else joint.answer.slip_force_N
+        assert found[0] == pytest.approx(answer, rel=1e-6)
+        assert energy_J[0] == pytest.approx(joint.answer.energy_J, rel=1e-6)

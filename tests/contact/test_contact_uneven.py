@@ -242,7 +242,10 @@ class Uneven:
         self.load_N, self.weight = np.array(load_N), np.ones(len(load_N))
         self.preload_N, self.scan_load_N, self.answers = sum(load_N), max(load_N), answers
 
-    def curve_of(self, patches):
+    def kappa_of(self, patches):
+        return 1.2
+
+    def curve_of(self, patches, kappa):
         K, *W = self.answers[tuple(one.preload_N for one in patches)]
         return SimpleNamespace(
             approach_m=lambda N: 0.0,

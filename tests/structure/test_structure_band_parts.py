@@ -384,7 +384,8 @@ def uneven_part(of_light, of_heavy, by_pairs=(0.0, 0.0), found=(0.0, 0.0)):
     joint = Joint(1.0, 1.0, preload_N, LOAD_N, WEIGHT, 8.0)
     whole = side_by_side([curve] * 3, LOAD_N, WEIGHT)
     with_curve = SimpleNamespace(curve=lambda contact: whole, **vars(joint))
-    one = SimpleNamespace(joint=with_curve, contact=heavy, share=1.0, asked=asked)
+    about = {"share": 1.0, "kappa": heavy.composite.kappa, "asked": asked}
+    one = SimpleNamespace(joint=with_curve, contact=heavy, **about)
     return one, whole
 
 

@@ -1,12 +1,16 @@
 """Slip in one direction: kappa of a face whose contacts are long, or lie in rows."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from capslip.caps.table import CapTable
 from capslip.contact.bulk import energies_of_outline
+from capslip.contact.curve import NormalCurve
 from capslip.contact.lay import (
     LATER,
     Energies,
@@ -16,7 +20,9 @@ from capslip.contact.lay import (
     energies_of_contacts,
     energies_of_map,
 )
+from capslip.contact.material import yield_law
 from capslip.contact.press import ContactState
+from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
@@ -41,7 +47,8 @@ def with_direction(
     Returns
     -------
     ContactState
-        With `lay`, and kappa of the direction in its composite. Where the direction, or that the
+        With `lay`, and kappa of the direction in its composite, under other loads as well: what
+        touches there is as long, and lies in rows, in its own way. Where the direction, or that the
         energy has the same kappa, moves more than the tolerance, a problem says so.
 
     Notes
@@ -56,13 +63,57 @@ def with_direction(
     problem = _problem(lay, direction_rad, settings.contact.tolerance)
     problems = contact.problems if problem is None else (*contact.problems, problem)
     directed = replace(joint, kappa=lay.kappa(direction_rad))
-    return replace(contact, composite=directed, lay=lay, problems=problems)
+    kappa_along = None
+    if direction_rad is not None and not _is_alike(contact):
+        kappa_along = _kappa_along(contact, caps, surface, settings)
+    found = replace(contact, composite=directed, lay=lay, problems=problems)
+    return replace(found, kappa_along=kappa_along)
+
+
+def _is_alike(contact: ContactState) -> bool:
+    """Tell whether kappa is the same in all directions, whatever touches."""
+    return contact.rung.made_from == "nothing" or contact.composite.kappa == 1.0
+
+
+def _kappa_along(
+    contact: ContactState, caps: CapTable, surface: HeightMap, settings: Settings
+) -> Callable[..., float]:
+    """Return what finds kappa of the direction along a curve of the same face, under any load."""
+
+    @cache  # answer and band ask again
+    def kappa_along(curve: NormalCurve, load_N: float) -> float:
+        state = contact.under(load_N, curve)
+        loaded = caps
+        if state.rung.made_from == "spheres":
+            loaded = _under(caps, state, settings)
+        return _lay(state, loaded, surface).kappa(settings.slip.direction_rad)
+
+    return kappa_along
+
+
+def _under(caps: CapTable, state: ContactState, settings: Settings) -> CapTable:
+    """Return caps, as they were before any load, with loads and contact radii of a state."""
+    normal: Any = state.normal
+    if state.rung.coupled_loads_N is not None:
+        row_N = state.rung.coupled_loads_N(normal, state.preload_N)
+    else:
+        row_N = normal.asperity_loads_N(normal.approach_m(state.preload_N))
+    load_N, radius_m, law = np.zeros(len(caps)), caps.radius_m, yield_law(settings.material)
+    if state.rung.knows_places:
+        load_N[state.use] = row_N
+    else:
+        for name, N in zip(state.row_family, row_N, strict=True):
+            load_N[caps.family == name] = N
+    if law is not None:
+        radius_m, _ = law.flattened(load_N, radius_m)
+    a_m = contact_radius_m(load_N, radius_m, state.composite.E_star_Pa)
+    return caps.with_columns(load_N=load_N, contact_radius_m=a_m)
 
 
 def _lay(contact: ContactState, caps: CapTable, surface: HeightMap) -> Lay:
     joint, model = contact.composite, contact.rung
     none = Lay(joint.kappa, 0j, 0j)
-    if model.made_from == "nothing" or joint.kappa == 1.0:
+    if _is_alike(contact):
         return none
     if model.tractions is not None:
         tractions = model.tractions(contact.normal, contact.preload_N, LATER)
@@ -75,7 +126,9 @@ def _lay(contact: ContactState, caps: CapTable, surface: HeightMap) -> Lay:
     bulk = 0j
     if model.interacts and not contact.bulk:
         bulk = energies_of_outline(surface).deviator
-    return punch.lay(later, joint.kappa, bulk, joint.E_star_Pa / contact.stiffness_N_per_m)
+    curve, load_N = contact.curve, contact.preload_N
+    stiffness_N_per_m = float(curve.stiffness_N_per_m(curve.approach_m(load_N)))
+    return punch.lay(later, joint.kappa, bulk, joint.E_star_Pa / stiffness_N_per_m)
 
 
 def _of_caps(

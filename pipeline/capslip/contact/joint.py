@@ -15,10 +15,10 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
-from capslip.contact.scaled import ScaledCurve
+from capslip.contact.scaled import ScaledCurve, with_ratio
 from capslip.contact.solvers.elastic_face import MOST_PRESSURE
 from capslip.contact.time_needed import boundary_elements_s
-from capslip.contact.uneven import scaled_between, seen, side_by_side, standing_for
+from capslip.contact.uneven import PatchedCurve, scaled_between, seen, side_by_side, standing_for
 from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
@@ -79,22 +79,32 @@ class Joint:
         )
         return msgspec.structs.replace(settings, contact=contact)
 
-    def curve(self, contact: ContactState, greatest: float = 1.0) -> NormalCurve:
+    def curve(
+        self, contact: ContactState, greatest: float = 1.0, kappa: float | None = None
+    ) -> NormalCurve:
         """Return the normal curve of the joint from that of its scan, for slip.
 
         After a first loading to `greatest` times the preload, which counts where the face yields.
+        With a kappa, or its own, see `curve_of`.
         """
-        return self.curve_of(self.loaded(contact, greatest))
+        return self.curve_of(self.loaded(contact, greatest), kappa)
+
+    def kappa(self, contact: ContactState) -> float:
+        """Return kappa of the joint from that of its scan, see `kappa_of`."""
+        if contact.kappa_along is None:
+            return contact.composite.kappa
+        return self.kappa_of(self.loaded(contact))
 
     def loaded(self, contact: ContactState, greatest: float = 1.0) -> list[ContactState]:
         """Return the state of each patch after its own first loading, at its own level.
 
-        One for all where they are elastic and lie alike. Where each load is a solution of the map,
-        or finds a level, those of few patches stand for many, and those that are too light for the
-        pixels of the map are left out, see `curve_of`.
+        One for all where they are elastic, lie alike and have one kappa. Where each load is a
+        solution of the map, those of few patches stand for many, and those that are too light for
+        the pixels of the map are left out, see `curve_of`.
         """
-        solves, turns = contact.rung.solved_loads_N is not None, contact.at_level is not None
-        if self.is_even or (contact.first is None and not solves and not turns):
+        solves = contact.rung.solved_loads_N is not None
+        differ = contact.at_level is not None or contact.kappa_along is not None
+        if self.is_even or (contact.first is None and not solves and not differ):
             return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
         load_N = self.load_N
         if solves and len(load_N) > self.most_solved:
@@ -103,7 +113,7 @@ class Joint:
         states: list[ContactState] = []
         for N in sorted(load_N.tolist(), reverse=True):
             try:
-                patch = contact.of_patch(N) if turns and states else contact
+                patch = contact.of_patch(N) if differ and states else contact
                 curve = patch.curve_after(greatest * N)
                 if solves:
                     seen(curve, N)  # a map may have too few pixels
@@ -114,12 +124,36 @@ class Joint:
             states.append(replace(patch, curve=curve, preload_N=N))
         return states[::-1]
 
-    def curve_of(self, patches: Sequence[ContactState]) -> NormalCurve:
+    def kappa_of(self, patches: Sequence[ContactState]) -> float:
+        """Return kappa of the joint from those of its patches: their stiffnesses add up.
+
+        sum w_k K_k / sum w_k K_k / kappa_k, so that the stiffness of its curve is the normal one.
+        """
+        kappa = [patch.composite.kappa for patch in patches]
+        if len(set(kappa)) == 1:
+            return kappa[0]
+        K = []
+        for ratio in ([1.0] * len(kappa), kappa):
+            curve = self._together(patches, ratio)
+            assert isinstance(curve, PatchedCurve)
+            K.append(float(curve.stiffness_N_per_m(curve.preload_approach_m)))
+        return K[0] / K[1]
+
+    def curve_of(self, patches: Sequence[ContactState], kappa: float | None = None) -> NormalCurve:
         """Return the normal curve of the joint from the curves of what `loaded` gives.
+
+        Each patch slips with its own kappa, see `with_ratio`; that of the joint may be any, and is
+        that of `kappa_of` where none is given.
+        """
+        whole = self.kappa_of(patches) if kappa is None else kappa
+        return self._together(patches, [patch.composite.kappa / whole for patch in patches])
+
+    def _together(self, patches: Sequence[ContactState], ratio: Sequence[float]) -> NormalCurve:
+        """Return the normal curve of the joint, whose kappa is that of each patch over its ratio.
 
         Of patches that are not among these the curve is that of the nearest by factors.
         """
-        curves = [patch.curve for patch in patches]
+        curves = [with_ratio(one.curve, r) for one, r in zip(patches, ratio, strict=True)]
         if patches[0].rung.made_from == "nothing":  # it carries one load, however that is spread
             load_N, weight = [self.scan_load_N], [self.preload_N / self.scan_load_N]
             return curve_of_joint(curves[0], np.array(load_N), np.array(weight))

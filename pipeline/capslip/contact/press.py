@@ -69,16 +69,15 @@ class ContactState:
     at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes at which nothing turns the face back
     # The curve for slip of a map that turns, at the level that another load finds
     turned: Callable[[float], NormalCurve] | None = None
-    # The scan at the level that another load finds, None where it finds none; without it all
-    # patches of a joint lie as this one
+    # The scan at the level of another load, None where it finds none; without it all lie as this
     at_level: Callable[[float], "ContactState | None"] | None = None
     # What few solved pressures leave of a joint of many; None: each has its own, or any is as good
     patch_errors: ModelError | None = None
-    # The lightest patch that counts of a joint that is pressed unevenly, with its errors; None: no
-    # such joint, or they are not known
+    # The lightest patch that counts of an uneven joint, with its errors; None: none, or not known
     light: "ContactState | None" = None
     energy_share: np.ndarray | None = None  # of each patch, at a quarter of mu N; None as well
     lay: Lay | None = None  # what the direction of slip does, see `direction`; None: not looked at
+    kappa_along: Callable[[NormalCurve, float], float] | None = None  # as well; None: one of all
 
     @property
     def model(self) -> str:
@@ -138,17 +137,19 @@ class ContactState:
             If the face cannot carry the load.
         """
         curve, count = curve or self.curve_after(load_N), self.rung.touching
-        bulk_m = self.bulk_m * (load_N / self.preload_N)
-        approach_m = float(curve.approach_m(load_N))
+        bulk_m, joint = self.bulk_m * (load_N / self.preload_N), self.composite
+        if self.kappa_along is not None:
+            joint = replace(joint, kappa=self.kappa_along(curve, load_N))
         return replace(
             self,
             preload_N=load_N,
-            approach_m=approach_m if self.bulk else approach_m + bulk_m,
+            approach_m=float(curve.approach_m(load_N)) + (0.0 if self.bulk else bulk_m),
             left_m=None,
             bulk_m=bulk_m,
             contacts=self.contacts if count is None else count(curve, load_N),
             normal=curve,
             curve=curve,
+            composite=joint,
             errors=None,
             moved=None,
             light=None,

@@ -9,6 +9,17 @@ from numpy.typing import ArrayLike
 from capslip.contact.curve import NormalCurve
 
 
+def with_ratio(curve: NormalCurve, ratio: float) -> NormalCurve:
+    """Return the curve of a joint with a kappa of its own, from that of a part of it.
+
+    At one displacement delta = mu kappa e a part of another kappa is withdrawn by e over the ratio
+    of that to the kappa of the joint: so its lengths and losses count the ratio.
+    """
+    if ratio == 1.0:
+        return curve
+    return ScaledCurve(curve, 1.0, approach=ratio, withdrawal=ratio, loss=ratio)
+
+
 @dataclass(frozen=True, eq=False)
 class ScaledCurve:
     """Another curve with factors: many equal scans side by side, or a face under another load."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
-from capslip.contact.scaled import ScaledCurve
+from capslip.contact.scaled import with_ratio
 from capslip.contact.uneven import PatchedCurve
 
 
@@ -50,10 +50,7 @@ def curve_of_scans(
     >>> [round(float(curve.load_drop_N(d, e)), 6) for curve in (one, two)]
     [140.5234, 140.5234]
     """
-    own = [
-        curve if r == 1.0 else ScaledCurve(curve, 1.0, approach=r, withdrawal=r, loss=r)
-        for curve, r in zip(curves, ratio, strict=True)
-    ]
+    own = [with_ratio(curve, r) for curve, r in zip(curves, ratio, strict=True)]
     if len(own) == 1:
         return own[0]
     approach_m = np.array([float(curve.approach_m(preload_N)) for curve in own])

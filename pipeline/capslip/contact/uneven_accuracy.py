@@ -59,10 +59,12 @@ def error_of_patches(joint: Joint, patches: Sequence[ContactState]) -> ModelErro
     count = len(patches)
     if patches[0].rung.solved_loads_N is None or count >= len(joint.load_N):
         return None
-    curve = joint.curve_of(patches)
+    kappa = joint.kappa_of(patches)
+    curve = joint.curve_of(patches, kappa)
     whole = _stiffness_and_energies(curve, joint.preload_N)
     others = [[*patches[:i], *patches[i + 1 :]] for i in range(count - 1)]
-    fewer = [_stiffness_and_energies(joint.curve_of(rest), joint.preload_N) for rest in others]
+    curves = [joint.curve_of(rest, kappa) for rest in others]
+    fewer = [_stiffness_and_energies(one, joint.preload_N) for one in curves]
     moved = np.array(fewer).reshape(-1, len(whole)) / whole - 1.0
     together, factors = np.sqrt(np.square(moved).sum(axis=0)), LEFT_95
     if joint.most_solved < FEW_SOLVED:

@@ -63,9 +63,10 @@ def _of_one(state: State, part: Part) -> Left:
         solved = np.diag(np.linalg.norm(of_each, axis=1))
         shift, of_law = _of_law(state, contact, share)
         return Left(np.zeros((2, 2)), _root(np.vstack((solved, of_law)) / NORMAL_95), shift)
-    e = state.answer.displacement_m / (friction * contact.composite.kappa)
     if light is not None:
+        e = state.answer.displacement_m / (friction * part.kappa)
         return _of_uneven(state, part, light, share, e)
+    e = state.answer.displacement_m / (friction * contact.composite.kappa)
     at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
     if not state.by_force and state.greatest == 1.0:
         at = e

@@ -43,6 +43,11 @@ class Part:
     contact: ContactState  # of the scan
     share: float  # of the joint, for which the scan stands
 
+    @cached_property
+    def kappa(self) -> float:
+        """Return that of such a joint."""
+        return self.joint.kappa(self.contact)
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -72,14 +77,13 @@ class State:
     @cached_property
     def kappa(self) -> float:
         """Return that of the joint."""
-        shares = [part.share for part in self.parts]
-        each = [part.contact.composite.kappa for part in self.parts]
+        shares, each = [part.share for part in self.parts], [part.kappa for part in self.parts]
         return kappa_of_scans(self.as_found, self.preload_N, shares, each)
 
     @property
     def ratio(self) -> list[float]:
         """Return that of kappa of each scan to that of the joint."""
-        return [part.contact.composite.kappa / self.kappa for part in self.parts]
+        return [part.kappa / self.kappa for part in self.parts]
 
     @property
     def yields(self) -> bool:
@@ -212,7 +216,7 @@ class State:
                 )
             for i in found:
                 joint = part.joint.under(self.preload_N * float(factors[i, 0]))
-                found[i].append(joint.curve_of([of[i] for of in states]))
+                found[i].append(joint.curve_of([of[i] for of in states], part.kappa))
         shares = [part.share for part in self.parts]
         loads_N = self.preload_N * factors[:, 0]
         return [
