@@ -401,3 +401,18 @@ def test_each_patch_of_a_joint_slips_with_the_kappa_of_its_own_pressure(tmp_path
         answer = joint.answer.displacement_m if by_force else joint.answer.slip_force_N
         assert found[0] == pytest.approx(answer, rel=1e-6)
         assert energy_J[0] == pytest.approx(joint.answer.energy_J, rel=1e-6)
+
+
+@pytest.mark.usefixtures("fewer_points")
+@pytest.mark.parametrize("given", [ALL[:1], (ALL[1], *AS_LEVELLED), (ALL[2], *AS_LEVELLED)])
+def test_each_pressure_of_a_law_slips_with_the_kappa_of_an_analysis_there(given):
+    analysis = under(2e6, *given)
+    found, area_m2 = law(analysis.parts, MU), analysis.joint.area_m2
+    p = found.pressure_Pa
+    for i in (0, len(p) // 3, len(p) - 1):
+        alone = under(float(p[i]), *given).slip
+        K = alone.tangential_stiffness_N_per_m / area_m2
+        assert found.tangential_stiffness_Pa_per_m[i] == pytest.approx(K, rel=5e-3)
+        force_N = np.array([0.2, 0.5, 0.8]) * MU * p[i] * area_m2
+        tau = np.interp(alone.displacement_m(force_N), found.displacement_m[i], found.shear_Pa[i])
+        assert tau * area_m2 == pytest.approx(force_N, rel=0.01)

@@ -28,6 +28,8 @@ RADIUS_M, COUNT = 25.0, 7
 
 
 def part_of(curve, name="families", joint=None, hardness=None, after=None, share=1.0, kappa=None):
+    """Return a part; its kappa may be a function of the load."""
+    along, kappa = (kappa, kappa(LOAD_N)) if callable(kappa) else (None, kappa)
     state = SimpleNamespace(
         curve=curve,
         curve_after=after or (lambda load_N: curve),
@@ -40,6 +42,13 @@ def part_of(curve, name="families", joint=None, hardness=None, after=None, share
         model=curve.model,
         estimated_error=0.03,
     )
+
+    def of_patch(load_N):
+        own = state.composite if along is None else replace(STEEL, kappa=along(load_N))
+        changed = {"curve": state.curve_after(load_N), "composite": own}
+        return SimpleNamespace(**(vars(state) | changed))
+
+    state.of_patch = of_patch
     whole = np.array([LOAD_N]), np.ones(1)
     joint = joint or Joint(AREA_M2, AREA_M2, LOAD_N, *whole, LOAD_N)
     return Part(joint, state, share)
@@ -559,3 +568,46 @@ def test_pressures_whose_slip_cannot_be_followed_begin_the_law(monkeypatch):
     assert found.pressure_Pa[1] ** 2 == pytest.approx(np.prod(whole.pressure_Pa[2:4]))
     assert "too few pixels" in found.ends
     assert "too few pixels" not in whole.ends
+
+
+def in_a_direction(load_N):
+    """Kappa of slip in a direction, as contacts grow or more of them join."""
+    return STEEL.kappa * (load_N / LOAD_N) ** 0.03
+
+
+def slid(p, delta, radius_m=RADIUS_M):
+    """Return k_t, tau and w per area of equal spheres whose kappa goes with the load."""
+    kappa = in_a_direction(p * AREA_M2)
+    of_one = STEEL.kappa / kappa
+    _, k_n, tau, w = mindlin(p, delta * of_one, radius_m)
+    return k_n[:, 0] / kappa[:, 0], tau, w / of_one
+
+
+@pytest.mark.parametrize("scans", [1, 2])
+@pytest.mark.parametrize("yields", [False, True])
+def test_each_pressure_slips_with_the_kappa_of_its_own_contacts(yields, scans):
+    """In a direction of slip it is another one where other contacts touch."""
+    given = {"hardness": 1e9, "after": after} if yields else {}
+    curve = after(LOAD_N) if yields else CURVES["spheres"]
+    part = part_of(curve, kappa=in_a_direction, share=1.0 / scans, **given)
+    found = law([part] * scans, MU)
+    tables, radius_m = tables_of(found.tables()), SHARP_M if yields else RADIUS_M
+    between_Pa = np.sqrt(found.pressure_Pa[1:] * found.pressure_Pa[:-1])
+    for p, off in ((found.pressure_Pa[:, None], 2e-3), (between_Pa[:, None], 0.02)):
+        radius_m = flat_m(p * AREA_M2) if yields else RADIUS_M
+        delta = np.array([0.1, 0.3, 0.6]) * tables.total_slip_displacement_m(p)
+        k_t, tau, w = slid(p, delta, radius_m)
+        np.testing.assert_allclose(
+            tables.tangential_stiffness_Pa_per_m(p)[:, 0], k_t, rtol=min(off, 4e-3)
+        )
+        np.testing.assert_allclose(tables.shear_Pa(delta, p), tau, rtol=min(off, 4e-3))
+        np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=off)
+    p = found.pressure_Pa[:, None]
+    k_t, tau, w = slid(p, found.displacement_m, flat_m(p * AREA_M2) if yields else RADIUS_M)
+    np.testing.assert_allclose(found.tangential_stiffness_Pa_per_m, k_t, rtol=1e-9)
+    np.testing.assert_allclose(found.shear_Pa, tau, rtol=1e-9)
+    some = tau[0] > 0.1 * MU * p[0]
+    np.testing.assert_allclose(found.loss_J_per_m2[:, some], w[:, some], rtol=1e-6)
+    assert found.kappa == pytest.approx(STEEL.kappa, rel=1e-12)
+    for i, elements in enumerate(found.elements):
+        assert elements.stiffness_N_per_m.sum() == pytest.approx(k_t[i], rel=2e-3)

@@ -1,6 +1,7 @@
 """The beds of springs that stand for a joint face under any pressure: stiffness over closure."""
 
 from collections.abc import Sequence
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -26,6 +27,14 @@ def serves_all(slip: SlipCurve, rows: dict[str, np.ndarray]) -> bool:
     curve = slip.curve
     closure_m = np.asarray(curve.approach_m(rows[ROWS[0]])) - float(curve.touch_m)
     return bool((np.abs(closure_m / rows[ROWS[1]] - 1.0) <= SAME_CURVE).all())
+
+
+def kappa_of(slips: Sequence[SlipCurve]) -> dict[str, Any]:
+    """Return kappa under all pressures, or that of each where slip has a direction."""
+    each = [slip.kappa for slip in slips]
+    if len(set(each)) == 1:
+        return {"kappa": each[0]}
+    return {"kappa": np.array(each), ROWS[0]: np.array([float(slip.preload_N) for slip in slips])}
 
 
 def bed_of_curve(slip: SlipCurve, least_Pa: float) -> dict[str, np.ndarray]:

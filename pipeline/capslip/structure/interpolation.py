@@ -34,19 +34,26 @@ class LawTables:
 
         p = P(d) = integral of K from 0 to d,  k_n = K(d),  k_t = K(d) / kappa
         tau = mu [P(d) - P(d - e)],  w = 4 mu^2 kappa integral of s (e - s) K'(d - s) ds
+
+    Where slip has a direction, kappa is one of each pressure, straight in logarithms between two.
     """
 
     def __init__(self, tables: dict[str, Any]) -> None:
         """Take the tables of `law.json`."""
         z, K = (np.asarray(tables[name], dtype=float) for name in BED)
-        self.friction_coefficient = float(tables["friction_coefficient"])
-        self.kappa = float(tables["kappa"])
-        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self._take_of_joint(tables)
         self._z, self._K, self._slope = z, K, np.diff(K) / np.diff(z)
         self._P = np.append(0.0, np.cumsum(0.5 * (K[1:] + K[:-1]) * np.diff(z)))
         # Integrals of K' z and K' z^2; the springs of the first point touch at zero
         self._first = np.append(0.0, np.cumsum(self._slope * np.diff(z**2) / 2.0))
         self._second = np.append(0.0, np.cumsum(self._slope * np.diff(z**3) / 3.0))
+
+    def _take_of_joint(self, tables: dict[str, Any]) -> None:
+        self.friction_coefficient = float(tables["friction_coefficient"])
+        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self.kappa = np.asarray(tables["kappa"], dtype=float)  # one, or that of each pressure
+        if self.kappa.ndim:
+            self._log_p = np.log(np.asarray(tables["pressure_Pa"], dtype=float))
 
     @staticmethod
     def read(path: str | Path) -> "LawTables":
@@ -73,11 +80,18 @@ class LawTables:
 
     def tangential_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
         """Slope d tau / d delta before any slip."""
-        return self.normal_stiffness_Pa_per_m(pressure_Pa) / self.kappa
+        return self.normal_stiffness_Pa_per_m(pressure_Pa) / self.kappa_at(pressure_Pa)
+
+    def kappa_at(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Ratio of normal to tangential stiffness."""
+        if not self.kappa.ndim:
+            return self.kappa
+        return np.asarray(np.exp(np.interp(np.log(pressure_Pa), self._log_p, np.log(self.kappa))))
 
     def total_slip_displacement_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
         """Displacement from which on everything slips."""
-        return self.friction_coefficient * self.kappa * self.closure_m(pressure_Pa)
+        kappa = self.kappa_at(pressure_Pa)
+        return np.asarray(self.friction_coefficient * kappa * self.closure_m(pressure_Pa))
 
     def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
         """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""
@@ -89,7 +103,8 @@ class LawTables:
         """w(delta, p), lost in one cycle between -delta and delta."""
         d, wanted = self._pressed(displacement_m, pressure_Pa)
         e = np.maximum(wanted, LEAST_SHARE * d)
-        w = 4.0 * self.friction_coefficient**2 * self.kappa * self._lost(d, e)
+        kappa = self.kappa_at(pressure_Pa)
+        w = 4.0 * self.friction_coefficient**2 * kappa * self._lost(d, e)
         return np.asarray(w * np.minimum(wanted / e, 1.0) ** 3)
 
     def _lost(self, d: np.ndarray, e: np.ndarray) -> np.ndarray:
@@ -108,7 +123,7 @@ class LawTables:
         delta, d = np.broadcast_arrays(
             np.abs(np.asarray(displacement_m, dtype=float)), self.closure_m(pressure_Pa)
         )
-        return d, delta / (self.friction_coefficient * self.kappa)
+        return d, delta / (self.friction_coefficient * self.kappa_at(pressure_Pa))
 
     def _cell(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         i = np.clip(np.searchsorted(self._z, z, side="right") - 1, 0, len(self._slope) - 1)
@@ -150,9 +165,7 @@ class BedsByPressure(LawTables):
     def __init__(self, tables: dict[str, Any]) -> None:
         """Take the tables of `law.json`."""
         self._of_joint = {name: tables[name] for name in OF_JOINT}
-        self.friction_coefficient = float(tables["friction_coefficient"])
-        self.kappa = float(tables["kappa"])
-        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self._take_of_joint(tables)
         self._log_p = np.log(np.asarray(tables["pressure_Pa"], dtype=float))
         z, self._log_K = (np.asarray(tables[name], dtype=float) for name in BED)
         self._log_z, self._log_K = (
@@ -192,7 +205,8 @@ class BedsByPressure(LawTables):
     def _bed(self, pressure_Pa: float) -> LawTables:
         i, x = _cell(self._log_p, np.log(pressure_Pa))
         z, K = (np.exp((1.0 - x) * of[i] + x * of[i + 1]) for of in (self._log_z, self._log_K))
-        return LawTables(self._of_joint | {BED[0]: np.append(0.0, z), BED[1]: K})
+        own = {"kappa": self.kappa_at(pressure_Pa), BED[0]: np.append(0.0, z), BED[1]: K}
+        return LawTables(self._of_joint | own)
 
 
 class MeanOfScans(LawTables):
@@ -204,9 +218,7 @@ class MeanOfScans(LawTables):
 
     def __init__(self, tables: dict[str, Any]) -> None:
         """Take the tables of `law.json`."""
-        self.friction_coefficient = float(tables["friction_coefficient"])
-        self.kappa = float(tables["kappa"])
-        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self._take_of_joint(tables)
         of_joint = {name: tables[name] for name in OF_JOINT}
         self._scans = [tables_of(of_joint | one) for one in tables["of_scans"]]
         self._share = np.array([one["share"] for one in tables["of_scans"]], dtype=float)

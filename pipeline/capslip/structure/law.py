@@ -23,6 +23,7 @@ from capslip.structure.beds import (
     beds_at_loads,
     beds_at_shares,
     closure_together_m,
+    kappa_of,
     serves_all,
 )
 from capslip.structure.interpolation import BED, OF_JOINT, tables_of
@@ -253,8 +254,8 @@ def _of_scans(
             tables = bed_of_solutions(rows)
         else:
             tables = bed_of_curve(slips[-1], least_Pa)
-        own = {} if len(parts) == 1 else {"share": part.share, "kappa": slips[0].kappa}
-        found.append(own | tables)
+        share = {} if len(parts) == 1 else {"share": part.share}
+        found.append(share | kappa_of(slips) | tables)
     return tuple(found)
 
 
@@ -417,12 +418,9 @@ def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
     contact, area_m2 = part.contact, _area_m2(part.joint)
     pressure_Pa = part.joint.scan_load_N / area_m2 * factor
     load_N = pressure_Pa * area_m2
-    curve = contact.curve
-    if factor != 1.0:
-        lying = contact if contact.at_level is None else contact.of_patch(load_N)
-        curve = lying.curve_after(load_N)
-    per_area = curve_of_joint(curve, np.array([load_N]), np.array([1.0 / area_m2]))
-    return slip_curve(per_area, pressure_Pa, friction_coefficient, contact.composite.kappa)
+    patch = contact if factor == 1.0 else contact.of_patch(load_N)
+    per_area = curve_of_joint(patch.curve, np.array([load_N]), np.array([1.0 / area_m2]))
+    return slip_curve(per_area, pressure_Pa, friction_coefficient, patch.composite.kappa)
 
 
 def _without_level(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> bool:
