@@ -1,5 +1,6 @@
 """Slip along and across long contacts and rows, against closed forms and the direct solution."""
 
+import base64
 import math
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     punch_pressure_Pa_per_m,
 )
+from capslip.output.whatif import whatif_data
 from capslip.pressing import press_face
 from capslip.settings import load_settings
 from capslip.stages import Clock, find_face
@@ -416,3 +418,17 @@ def test_each_pressure_of_a_law_slips_with_the_kappa_of_an_analysis_there(given)
         force_N = np.array([0.2, 0.5, 0.8]) * MU * p[i] * area_m2
         tau = np.interp(alone.displacement_m(force_N), found.displacement_m[i], found.shear_Pa[i])
         assert tau * area_m2 == pytest.approx(force_N, rel=0.01)
+
+
+@pytest.mark.parametrize("given", [(ALL[1], *AS_LEVELLED), ALL[2:3]])
+def test_another_preload_of_the_panel_slips_with_the_kappa_of_an_analysis_there(given):
+    analysis = under(2e6, *given)
+    *tables, _ = whatif_data(analysis)["tables"]
+    assert len(tables) == 3
+    for table in tables:
+        N = table["preload_N"]
+        alone = under(N / analysis.joint.area_m2, *given).slip
+        u, log_N = np.frombuffer(base64.b64decode(table["columns"])).reshape(5, -1)[:2]
+        e_m = np.exp(np.interp(np.log(0.25 * N), log_N, u))
+        expected = float(alone.displacement_m(0.25 * MU * N))
+        assert MU * analysis.slip.kappa * e_m == pytest.approx(expected, rel=3e-3)

@@ -2,9 +2,10 @@
 
 The normal curve alone decides: with the withdrawal e from the preload, its load drop D and its loss
 integral L, T = mu D, delta = mu kappa e and W = mu^2 kappa L. So friction and structure need no
-table, and each preload one of D and L over e. It is read by cubics in the logarithms of e, D and L,
-whose slopes are known: e N' / D, and 4 e (D - e N') / L. The curve of a map is a table itself, and
-is read as it reads itself: D / e over log e, e / D and L / D^3 over log D, by lines.
+table, and each preload one of D and L over e; of another kappa it counts as of that of the joint.
+It is read by cubics in the logarithms of e, D and L, whose slopes are known: e N' / D, and
+4 e (D - e N') / L. The curve of a map is a table itself, and is read as it reads itself: D / e
+over log e, e / D and L / D^3 over log D, by lines.
 """
 
 import base64
@@ -17,6 +18,7 @@ import numpy as np
 
 from capslip.contact.curve import NormalCurve
 from capslip.contact.rung import resolved_share
+from capslip.contact.scaled import with_ratio
 from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import ContactError
 from capslip.pressing import knows_other_preloads, under_preload
@@ -101,7 +103,7 @@ def _under_others(analysis: "JointResult") -> Iterator[tuple[float, NormalCurve]
         except ContactError:
             continue
         if pressed.errors is None or pressed.errors.greatest <= most:
-            yield load_N, other.curve
+            yield load_N, with_ratio(other.curve, float(other.kappa / slip.kappa))
 
 
 def _columns_of_map(analysis: "JointResult", contact: "ContactState") -> np.ndarray:
