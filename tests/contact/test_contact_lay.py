@@ -18,6 +18,7 @@ from capslip.contact.lay import (
     energies_of_map,
 )
 from capslip.contact.material import composite
+from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.half_space import HalfSpace
 from capslip.contact.solvers.polonsky_keer import (
     elastic_face,
@@ -403,6 +404,25 @@ def test_each_patch_of_a_joint_slips_with_the_kappa_of_its_own_pressure(tmp_path
         answer = joint.answer.displacement_m if by_force else joint.answer.slip_force_N
         assert found[0] == pytest.approx(answer, rel=1e-6)
         assert energy_J[0] == pytest.approx(joint.answer.energy_J, rel=1e-6)
+
+
+def test_a_stored_joint_slips_with_the_kappa_of_each_pressure(tmp_path):
+    """Those of its patches, and under another preload that of the contacts there."""
+    given = ("slip.direction_rad=0.0", "run.render=false", "run.figures=false", ALL[2])
+    for name, load in (
+        ("even", "contact.nominal_pressure_Pa=2e6"),
+        ("uneven", f"joint.pressure_map={pressure_map(tmp_path)}"),
+    ):
+        found = analyze_once(CROSSED, load_settings(overrides=(load, *given)))
+        write(found, tmp_path / name)
+        model, _ = load_model(tmp_path / name)
+        for one in (found,) if name == "uneven" else (found, under(2e5, ALL[2])):
+            load_N = one.joint.preload_N
+            slip = slip_curve(model.curve(load_N), load_N, MU, model.kappa)
+            force_N = np.array([0.1, 0.3, 0.7]) * MU * load_N
+            for of in ("displacement_m", "energy_at_force_J"):
+                expected = getattr(one.slip, of)(force_N)
+                assert getattr(slip, of)(force_N) == pytest.approx(expected, rel=2e-3), (name, of)
 
 
 @pytest.mark.usefixtures("fewer_points")

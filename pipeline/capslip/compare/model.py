@@ -13,6 +13,7 @@ from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.balanced import levelled
 from capslip.contact.curve import NormalCurve
+from capslip.contact.direction import with_direction
 from capslip.contact.joint import joint_of, knowing_levels
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
@@ -218,11 +219,14 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
         at_rad = at_ease_rad or (0.0, 0.0)
-        return press(pressed, families, surface, changed, at_ease_rad=at_rad)[0]
+        found, loaded = press(pressed, families, surface, changed, at_ease_rad=at_rad)
+        if settings.slip.direction_rad is None:
+            return found
+        return with_direction(found, loaded, surface, settings)
 
     @cache
     def curve(preload_N: float) -> NormalCurve:
-        return whole.under(preload_N).curve(state(preload_N), greatest)
+        return whole.under(preload_N).curve(state(preload_N), greatest, kappa)
 
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
