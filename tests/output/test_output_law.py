@@ -360,6 +360,36 @@ def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
     assert secant == pytest.approx(found.normal_stiffness_Pa_per_m[i], rel=0.05)
 
 
+@pytest.mark.parametrize("n_scans", [1, 2])
+def test_the_cards_of_a_map_that_stands_higher_between_its_pixels_begin_where_it_touches(
+    written, n_scans
+):
+    """Its approach counts from the highest pixel: it recovers more than that, and no less than 0.
+
+    Here by a factor, so that the closure at any pressure is known; scans of one kind have that of
+    each.
+    """
+    (part,), higher = written[0].parts, 1.15
+    elastic, map_rung = part.contact.curve, replace(rung("boundary_elements"), least_share=None)
+
+    def first(load_N, _):
+        return ScaledCurve(elastic, 1.0, withdrawal=higher)
+
+    contact = replace(
+        part.contact, hardness_Pa=1e9, curve=first(0.0, 1.0), first=first, at_level=None
+    )
+    contact = replace(contact, rung=map_rung)
+    found = law([replace(part, contact=contact, share=1.0 / n_scans)] * n_scans, 0.2)
+    p, z, _ = cards_of(deck(found, "calculix", []).splitlines())
+    known = higher * (elastic.approach_m(p[1:] * part.joint.scan_area_m2) - elastic.touch_m)
+    np.testing.assert_allclose(z[1:], known, rtol=4e-3, atol=1e-5 * known[-1])
+    # The closure of law.csv is that of law.py, and where all slips
+    tables = tables_of(found.tables())
+    np.testing.assert_allclose(found.closure_m, tables.closure_m(found.pressure_Pa), rtol=4e-3)
+    slides_m = found.friction_coefficient * found.kappa * found.closure_m
+    np.testing.assert_allclose(found.total_slip_displacement_m, slides_m, rtol=4e-3)
+
+
 @pytest.mark.parametrize("program", DECKS)
 def test_the_cards_hold_the_curve(written, program):
     analysis, folder = written

@@ -106,13 +106,16 @@ def beds_at_shares(slips: Sequence[SlipCurve]) -> dict[str, np.ndarray]:
 
 
 def closure_together_m(slips: Sequence[SlipCurve], share: Sequence[float]) -> float:
-    """Return the closure of patches that bear one pressure, from where it is none."""
+    """Return the closure of patches that bear one pressure, from where none touches.
+
+    It is what they recover as the pressure falls: a map stands higher between its pixels than at
+    the highest of them, from which its approach counts.
+    """
     p, each = float(slips[0].preload_N), []
     for slip in slips:
         drop_Pa = np.append(p * (1.0 - LOADS), p)
         *e, whole_m = slip.curve.withdrawal_m(slip.approach_m, drop_Pa)
-        # A map may stand higher between its pixels than where it is taken to touch
-        each.append((1.0 - np.array(e) / whole_m) * float(slip.approach_m - slip.curve.touch_m))
+        each.append(whole_m - np.array(e))
     return float(closures_together_m(each, share)[-1])
 
 

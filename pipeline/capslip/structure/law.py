@@ -174,9 +174,6 @@ def law(
     patches, between = _refined(parts, patches)
     slips = [_together(parts, patch) for patch in patches]
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
-    if len(parts) > 1:
-        share = [part.share for part in parts]
-        rows["closure_m"] = np.array([closure_together_m(patch, share) for patch in patches])
     delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
     scan_Pa = parts[0].joint.scan_load_N / area_m2[0]
     kappa = min(slips, key=lambda slip: abs(math.log(slip.preload_N / scan_Pa))).kappa
@@ -185,6 +182,9 @@ def law(
     if left_out := _is_solved(parts):
         at_shares, between_solved = _between_solved(parts, patches, of_joint)
     of_scans, tested = _of_scans(parts, patches, at_shares), [*patches, *between]
+    if not (len(parts) == 1 and _has_one_bed(of_scans[0])):
+        share = [part.share for part in parts]
+        rows["closure_m"] = np.array([closure_together_m(patch, share) for patch in patches])
     resolved = np.array([_resolved_share(parts, patch) for patch in tested])
     tested_slips = [*slips, *(_together(parts, patch) for patch in between)]
     shares = delta[0] / delta[0, -1]

@@ -72,6 +72,7 @@ APPROACH, RECOVERY = (
     "what the faces recover on unloading",
 )
 HOLDS = "Holds: "
+LEAST_LEFT = 1e-9  # of a pressure, of which a difference of two tells something
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
 
@@ -337,7 +338,8 @@ def deck(found: Law, program: str, page: Iterable[str]) -> str:
 def _overclosure(found: Law) -> list[tuple[float, float]]:
     """Return pressures and closures: below the pressure of the scan alone, where each has its own.
 
-    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu; scans do so together.
+    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu, to where nothing is left of p; scans
+    do so together.
     """
     if found.has_beds_alone:
         return list(zip(found.pressure_Pa.tolist(), found.closure_m.tolist(), strict=True))
@@ -348,8 +350,9 @@ def _overclosure(found: Law) -> list[tuple[float, float]]:
         p, z = LOADS * most_Pa, most_m * z / z[-1]
         return list(zip(p.tolist(), z.tolist(), strict=True))
     tau, e = found.shear_Pa[i], found.displacement_m[i] / (mu * found.kappa)
-    p, z = most_Pa - tau[-2::-1] / mu, most_m - e[-2::-1]
-    return [*zip(p.tolist(), z.tolist(), strict=True), (most_Pa, most_m)]
+    p, z = most_Pa - tau[::-1] / mu, most_m - e[::-1]
+    left = p > LEAST_LEFT * most_Pa
+    return [*zip(p[left].tolist(), z[left].tolist(), strict=True), (most_Pa, most_m)]
 
 
 def _card(*values: float) -> str:
