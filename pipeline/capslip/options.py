@@ -174,7 +174,30 @@ def settings_of(
         if isinstance(value, float) and value != value:
             raise SettingsError(f"{name}: got nan; expected a finite number")
     texts = tuple(f"{name}={_toml(value)}" for name, value in given.items())
-    return load_settings(config, (*overrides, *texts))
+    settings = load_settings(config, (*overrides, *texts))
+    _tell_repeated((*overrides, *texts))
+    return settings
+
+
+def _tell_repeated(overrides: tuple[str, ...]) -> None:
+    """Say which settings were given several times, with other values: the last of them counts."""
+    from capslip.console import Progress
+
+    values: dict[str, list[str]] = {}
+    for override in overrides:
+        name, _, value = override.partition("=")
+        values.setdefault(name.strip(), []).append(value.strip())
+    for name, given in values.items():
+        if any(_number(one) != _number(given[-1]) for one in given):
+            several = " and ".join(dict.fromkeys(given))
+            Progress(quiet=False).warn(f"{name}: got {several}; the last counts, {given[-1]}")
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def shard_of(text: str) -> tuple[int, int]:

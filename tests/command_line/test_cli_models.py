@@ -117,11 +117,20 @@ def test_a_part_that_fails_takes_no_number_along(
         assert len(list((out / "figures").glob("*.png"))) >= 8
 
 
-@pytest.mark.parametrize(("ratio", "changed"), [(0.1, True), (0.0, False)])
+NO_SLIDERS = "jenkins: no slider stands for it; expected a constant normal load"
+
+
+def no_sliders(_):
+    raise ContactError(NO_SLIDERS)
+
+
+@pytest.mark.parametrize("changed", [True, False])
 def test_verdict_and_status_that_changed_while_writing_end_the_lines(
-    ratio, changed, face, tmp_path
+    changed, face, tmp_path, monkeypatch
 ):
-    """No sliders stand for a load that oscillates; what was printed before knew nothing of it."""
+    """What was printed before knew nothing of an export that could not be made."""
+    if changed:
+        monkeypatch.setattr("capslip.output.exports.jenkins.jenkins", no_sliders)
     words = [
         "--material",
         "steel",
@@ -130,7 +139,7 @@ def test_verdict_and_status_that_changed_while_writing_end_the_lines(
         "--set",
         "material.friction_coefficient=0.2",
     ]
-    words += ["--set", f"slip.normal_amplitude_ratio={ratio}", "--export", "jenkins"]
+    words += ["--export", "jenkins"]
     out = tmp_path / "out"
     ran = run("analyze", face, *words, "--no-render", "--no-figures", "-o", out)
     summary = json.loads((out / "summary.json").read_text())
@@ -147,8 +156,9 @@ def test_verdict_and_status_that_changed_while_writing_end_the_lines(
     assert last == (["verdict", "status"] if changed else last[:2]) + ["results", "report"]
 
 
-def test_an_export_that_a_setting_rules_out_asks_for_the_setting(face, tmp_path):
-    words = ["--set", "slip.normal_amplitude_ratio=0.1", "--export", "jenkins", "--json"]
+def test_an_export_that_cannot_be_made_says_what_it_expects(face, tmp_path, monkeypatch):
+    monkeypatch.setattr("capslip.output.exports.jenkins.jenkins", no_sliders)
+    words = ["--export", "jenkins", "--json"]
     ran = run("analyze", face, *words, "--no-render", "--no-figures", "-o", tmp_path / "out")
     problems = json.loads(ran.stdout)["problems"]
     (said,) = [one for one in problems if one["code"] == "output_missing"]
@@ -204,14 +214,22 @@ def test_an_export_that_cannot_be_is_refused_before_the_work(face, tmp_path):
     assert not out.exists()
 
 
-def test_a_law_of_a_load_that_oscillates_is_refused_before_the_work(face, tmp_path):
+@pytest.mark.parametrize(
+    ("export", "reason"),
+    [
+        ("law", "it is a law under a constant pressure"),
+        ("jenkins", "its sliders slip at a constant force"),
+    ],
+)
+def test_an_export_of_a_load_that_oscillates_is_refused_before_the_work(
+    export, reason, face, tmp_path
+):
     out = tmp_path / "out"
     oscillates = ("--set", "slip.normal_amplitude_ratio=0.1")
-    ran = run("analyze", face, *oscillates, "--export", "law", "-o", out)
+    ran = run("analyze", face, *oscillates, "--export", export, "-o", out)
     assert ran.exit_code == 2
     assert ran.stderr.splitlines() == [
-        "error: --export law: it is a law under a constant pressure; expected "
-        "slip.normal_amplitude_ratio = 0"
+        f"error: --export {export}: {reason}; expected slip.normal_amplitude_ratio = 0"
     ]
     assert not out.exists()
 

@@ -406,6 +406,20 @@ def test_the_worst_of_several_sliders_is_said():
     assert f"within 1 % from {percent(share)} of mu N on" in small.message
 
 
+def test_sliders_whose_error_reads_as_the_one_that_was_asked_for_say_nothing():
+    """2.04 % at the last displacement read "within 2 % from 100 % of mu N on; off by 2 %"."""
+    good = jenkins(output_cases.several().slip, 0.02)
+    at_end = np.where(good.checked_m == good.checked_m[-1], 1.0, 0.0)
+    for error, said in ((0.0204, False), (0.0206, True)):
+        off = replace(good, checked_error=error * at_end)
+        found = inexact("a.csv", [off], 0.02, 0.05)
+        assert bool(found) == said
+    assert "off by 2.1 %" in found[0].message
+    small = replace(good, checked_error=np.where(good.checked_m == good.checked_m[0], 0.3, 0.0204))
+    (found,) = inexact("a.csv", [small], 0.02, 0.05)
+    assert found.message.endswith(" of mu N on")  # from a tenth on they are as good as asked
+
+
 def test_an_unknown_export_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(SettingsError, match="jenkins"):
         capslip.write(output_cases.none(), tmp_path / "a", export="abaqus")

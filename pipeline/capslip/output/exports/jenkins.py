@@ -4,12 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from capslip.errors import ContactError
-from capslip.output.export import Export, inexact
+from capslip.output.export import Export, inexact, refuse_varying
 from capslip.problems import Problem
 from capslip.structure.jenkins import TOLERANCE, jenkins, write_jenkins
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
+    from capslip.settings import Settings
 
 
 def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
@@ -21,4 +22,8 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     return inexact("jenkins.csv", [elements], TOLERANCE, result.settings.contact.tolerance)
 
 
-EXPORT = Export(("jenkins.csv",), write)
+def _ruled_out(settings: "Settings") -> str | None:
+    return refuse_varying(settings, "its sliders slip at a constant force")
+
+
+EXPORT = Export(("jenkins.csv",), write, _ruled_out)
