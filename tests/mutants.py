@@ -37,6 +37,7 @@ TABLE = [
     (
         (
             "structure/law.py",
+            "structure/law_errors.py",
             "structure/beds.py",
             "structure/interpolation.py",
             "output/exports/law.py",

@@ -1,6 +1,7 @@
 """The beds of springs that stand for a joint face under any pressure: stiffness over closure."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -17,9 +18,11 @@ LOAD_SHARES = np.union1d(
     np.geomspace(LEAST_LOAD, 0.5, POINTS_OF_OWN),
     1.0 - np.append(np.geomspace(0.49, LEAST_DROP, POINTS_OF_OWN // 2), 0.0),
 )
+# Of an interval, of the loads above the lower of its pressures
+BEYOND = np.append(np.linspace(0.01, 0.99, 99), 1.0 - np.append(np.geomspace(9e-3, 1e-3, 20), 0.0))
+Bed = tuple[np.ndarray, np.ndarray]  # closures and stiffnesses
 # A law that is refined asks at each turn, and in the end, for beds that it had: by pressures
-_known: WeakKeyDictionary[SlipCurve, dict[bytes, tuple[np.ndarray, np.ndarray]]]
-_known = WeakKeyDictionary()
+_known: WeakKeyDictionary[SlipCurve, dict[bytes, Bed]] = WeakKeyDictionary()
 
 
 def serves_all(slip: SlipCurve, rows: dict[str, np.ndarray]) -> bool:
@@ -61,48 +64,55 @@ def bed_of_solutions(rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return dict(zip(BED, bed, strict=True))
 
 
-def beds_at_loads(
-    slips: Sequence[SlipCurve], least_Pa: float, is_solved: bool
-) -> dict[str, np.ndarray]:
-    """Return the bed that each pressure leaves, at the same loads of all.
+def beds_at_loads(slips: Sequence[SlipCurve], least_Pa: float) -> dict[str, np.ndarray]:
+    """Return the bed of caps that each pressure leaves, at the same loads of all.
 
-    A map is known up to the pressure itself, caps up to the next one. Beyond, the bed goes on in
-    the form of the next one: what touches there first, touches at one load in both.
+    It is known up to the next pressure. Beyond, it goes on in the form of the next one: what
+    touches there first, touches at one load in both.
     """
     pressure_Pa = np.array([float(slip.preload_N) for slip in slips])
-    n_points = POINTS if is_solved else POINTS_OF_OWN
-    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], n_points), pressure_Pa)
+    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], POINTS_OF_OWN), pressure_Pa)
     p = p[np.append(np.diff(p) > SAME_CURVE * p[:-1], True)]
-    most_Pa = pressure_Pa if is_solved else np.append(pressure_Pa[1:], pressure_Pa[-1])
-    bed_of = _bed_of_unloading if is_solved else _bed_of_curve
-    beds: list[tuple[np.ndarray, np.ndarray]] = []
+    most_Pa = np.append(pressure_Pa[1:], pressure_Pa[-1])
+    beds: list[Bed] = []
     for slip, most in zip(slips[::-1], most_Pa[::-1], strict=True):
-        known_Pa = p[p <= most * (1.0 + SAME_CURVE)]
-        z, K = bed_of(slip, known_Pa)
-        if beds:
-            next_z, next_K = beds[-1]
-            n = z.size
-            stiffer = K[-1] / next_K[n - 1]
-            z = np.append(z, z[-1] + (next_z[n:] - next_z[n - 1]) / stiffer)
-            K = np.append(K, stiffer * next_K[n:])
-        beds.append((z, K))
+        bed = _bed_of_curve(slip, p[p <= most * (1.0 + SAME_CURVE)])
+        beds.append(_going_on(bed, beds[-1]) if beds else bed)
     columns = zip(BED, map(np.array, zip(*beds[::-1], strict=True)), strict=True)
     return {ROWS[0]: pressure_Pa, **dict(columns)}
 
 
-def beds_at_shares(slips: Sequence[SlipCurve]) -> dict[str, np.ndarray]:
-    """Return the beds along which a map unloads, at the same shares of each pressure.
+def beds_between(slips: Sequence[SlipCurve], at_shares: Sequence[bool]) -> dict[str, np.ndarray]:
+    """Return the beds along which a map unloads from both ends of each interval, (p - 1, 2, n).
 
-    Where most of it yields, more load makes more of the same contacts: what lets go at a share of
-    one pressure lets go at that of another one, and what is left at a load is not alike.
+    At the same loads, where what touches first does so at one load in both: the lower one is known
+    up to its pressure, and goes on in the form of the other. Or, in the intervals that are so, at
+    the same shares of the two pressures: where most of a map yields, more load makes more of the
+    same contacts. What lets go at a share of one pressure lets go at that of another one, and what
+    is left at a load is not alike.
     """
     p = np.array([float(slip.preload_N) for slip in slips])
-    beds = [
-        _bed_of_unloading(slip, most_Pa * LOAD_SHARES)
-        for slip, most_Pa in zip(slips, p, strict=True)
-    ]
+    intervals = zip(pairwise(slips), pairwise(p.tolist()), at_shares, strict=True)
+    beds = []
+    for (low, high), (low_Pa, high_Pa), alike_at_shares in intervals:
+        loads_Pa = np.append(low_Pa * LOAD_SHARES, low_Pa + (high_Pa - low_Pa) * BEYOND)
+        upper = _bed_of_unloading(high, loads_Pa)
+        if alike_at_shares:
+            lower = _bed_of_unloading(low, loads_Pa * (low_Pa / high_Pa))
+        else:
+            lower = _going_on(_bed_of_unloading(low, low_Pa * LOAD_SHARES), upper)
+        beds.append([np.array(ends) for ends in zip(lower, upper, strict=True)])
     columns = zip(BED, map(np.array, zip(*beds, strict=True)), strict=True)
     return {ROWS[0]: p, **dict(columns)}
+
+
+def _going_on(bed: Bed, upper: Bed) -> Bed:
+    """Return a bed that goes on beyond what is known of it in the form of one of more loads."""
+    (z, K), (next_z, next_K) = bed, upper
+    n = z.size
+    stiffer = K[-1] / next_K[n - 1]
+    z = np.append(z, z[-1] + (next_z[n:] - next_z[n - 1]) / stiffer)
+    return z, np.append(K, stiffer * next_K[n:])
 
 
 def closure_together_m(slips: Sequence[SlipCurve], share: Sequence[float]) -> float:
@@ -119,7 +129,7 @@ def closure_together_m(slips: Sequence[SlipCurve], share: Sequence[float]) -> fl
     return float(closures_together_m(each, share)[-1])
 
 
-def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> Bed:
     """Return closures and stiffnesses at growing pressures up to that from which a map unloads."""
     most_Pa, d = float(slip.preload_N), float(slip.approach_m)
     whole_m, *e = slip.curve.withdrawal_m(d, np.append(most_Pa, np.maximum(most_Pa - p, 0.0)))
@@ -129,7 +139,7 @@ def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.nd
     return _from_touch(p, z, K)
 
 
-def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> Bed:
     """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch.
 
     Not to be written to.
@@ -143,7 +153,7 @@ def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return beds[pressures]
 
 
-def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> Bed:
     """Add the touch, with the springs there that bear the first pressure."""
     at_touch = max(2.0 * p[0] / z[0] - K[0], 0.0)
     return np.append(0.0, z), np.append(at_touch, K)

@@ -159,7 +159,8 @@ class BedsByPressure(LawTables):
     is what the face would open by if it were unloaded, without what yielded.
 
     Between two pressures closure and stiffness are the means of theirs at equal loads, straight in
-    logarithms: a spring that touches there for the first time does so at one load in both.
+    logarithms: a spring that touches there for the first time does so at one load in both. Where
+    each interval has beds of its own two ends, (p - 1, 2, n), these belong together as they stand.
     """
 
     def __init__(self, tables: dict[str, Any]) -> None:
@@ -169,7 +170,7 @@ class BedsByPressure(LawTables):
         self._log_p = np.log(np.asarray(tables["pressure_Pa"], dtype=float))
         z, self._log_K = (np.asarray(tables[name], dtype=float) for name in BED)
         self._log_z, self._log_K = (
-            np.log(z[:, 1:]),
+            np.log(z[..., 1:]),
             np.log(np.maximum(self._log_K, LEAST_STIFFNESS)),
         )
 
@@ -204,7 +205,8 @@ class BedsByPressure(LawTables):
 
     def _bed(self, pressure_Pa: float) -> LawTables:
         i, x = _cell(self._log_p, np.log(pressure_Pa))
-        z, K = (np.exp((1.0 - x) * of[i] + x * of[i + 1]) for of in (self._log_z, self._log_K))
+        ends = (of[i] if of.ndim == 3 else of[i : i + 2] for of in (self._log_z, self._log_K))
+        z, K = (np.exp((1.0 - x) * low + x * high) for low, high in ends)
         own = {"kappa": self.kappa_at(pressure_Pa), BED[0]: np.append(0.0, z), BED[1]: K}
         return LawTables(self._of_joint | own)
 
@@ -261,7 +263,7 @@ def tables_of(tables: dict[str, Any]) -> LawTables:
     """Return the tables of `law.json`: of several scans, of one, or of one that yields."""
     if "of_scans" in tables:
         return MeanOfScans(tables)
-    return BedsByPressure(tables) if np.ndim(tables[BED[0]]) == 2 else LawTables(tables)
+    return BedsByPressure(tables) if np.ndim(tables[BED[0]]) > 1 else LawTables(tables)
 
 
 def closures_together_m(closure_m: ArrayLike, share: ArrayLike) -> np.ndarray:

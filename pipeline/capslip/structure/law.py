@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -21,13 +21,19 @@ from capslip.structure.beds import (
     bed_of_curve,
     bed_of_solutions,
     beds_at_loads,
-    beds_at_shares,
+    beds_between,
     closure_together_m,
     kappa_of,
     serves_all,
 )
 from capslip.structure.interpolation import BED, OF_JOINT, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
+from capslip.structure.law_errors import (
+    errors_at_forces,
+    errors_of_tables,
+    resolved_share,
+    sheared,
+)
 
 # Pressures lie at p0 times ratio^i, so that the pressure of the scan is one of them.
 RATIO, BELOW, ABOVE = 10 ** (1 / 8), 16, 4  # p0 / 100 to 3.2 p0
@@ -47,7 +53,10 @@ SCATTERS = {
     "shear_Pa": "shear_scatter_Pa",
     "loss_J_per_m2": "loss_scatter_J_per_m2",
 }
-ASKED_SHARE = 0.1  # of mu p: what a joint is asked for
+# Of mu p, at which maps are measured between pressures; elsewhere errors may be so much more
+FORCES_BETWEEN = (0.1, 0.12, 0.145, 0.175, 0.21, 0.25, 0.3, 0.36, 0.45, 0.6, 0.8)
+ELSEWHERE = 1.2
+MOST_UNLIKE = 2  # intervals with the largest errors halfway, that are measured at their quarters
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +90,7 @@ class Law:
     hardness_Pa: float | None  # None: all is elastic
     model: str
     model_error: float | None  # of energy and stiffness at the pressure of the scan
-    left_out: bool  # whether the next three are measured with pressures left out, each in turn
+    halfway: bool  # whether the next three are measured halfway between pressures, solved there
     shear_error: float  # of `LawTables`, from a tenth of mu p on, see `law`; infinite: not known
     loss_error: float  # from `resolved_share` on
     stiffness_error: float  # before any slip; infinite: not known
@@ -123,7 +132,7 @@ def law(
     A face in balance lies under each pressure at the level that this one finds, and one that yields
     is loaded to each pressure once, and N(d) is the curve along which it unloads from there: each
     pressure has its own. A model that solves the map anew for each load gets at most `MAX_SOLVED`
-    pressures, and two more halfway to the ends.
+    pressures, and two more halfway to the ends; halfway between them it is measured.
 
     Of several scans it is that of their joint, in which each bears p and all move by one delta:
     k_n, k_t, tau and w are the means over the scans by their areas, and the scatter is their
@@ -151,12 +160,13 @@ def law(
     -----
     The errors of what lies between the points of the tables are the largest at `pressure_Pa`, from
     a tenth of mu p on; where each pressure has its own curve, at the quarters between, too. Where
-    each has a solution of its own, each inner one is left out in turn, and the errors there, twice
-    as far from the next solution as a pressure can be, are taken for a sample: its largest, or its
-    mean and 1.96 standard deviations where that is more. Errors are the largest at the ends, where
-    the least touches and the most joins: there solutions lie closer. Beds of a map are compared at
-    equal loads or at equal shares of their pressures, whichever tells more of those that are left
-    out: the first where it is elastic, the second where most of it yields.
+    each has a solution of its own, the face is solved halfway between them at some forces as well,
+    and at the quarters where it is off the most. The errors there are taken for a sample: its
+    largest, or its mean and 1.96 standard deviations where that is more, and a fifth of it for
+    other pressures and forces. Errors are the largest at the ends, where the least touches and the
+    most joins: there solutions lie closer. Beds of a map are compared at equal loads or at equal
+    shares of their pressures, in each interval by what tells more of the face there: the first
+    where it is elastic, the second where most of it yields.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
     `contact.slip`.
@@ -178,19 +188,19 @@ def law(
     scan_Pa = parts[0].joint.scan_load_N / area_m2[0]
     kappa = min(slips, key=lambda slip: abs(math.log(slip.preload_N / scan_Pa))).kappa
     of_joint = dict(zip(OF_JOINT, (friction_coefficient, kappa, range_Pa), strict=True))
-    at_shares, between_solved = False, np.zeros(3)
-    if left_out := _is_solved(parts):
+    at_shares, between_solved = [False] * (len(patches) - 1), np.zeros(3)
+    if halfway := _is_solved(parts):
         at_shares, between_solved = _between_solved(parts, patches, of_joint)
     of_scans, tested = _of_scans(parts, patches, at_shares), [*patches, *between]
     if not (len(parts) == 1 and _has_one_bed(of_scans[0])):
         share = [part.share for part in parts]
         rows["closure_m"] = np.array([closure_together_m(patch, share) for patch in patches])
-    resolved = np.array([_resolved_share(parts, patch) for patch in tested])
+    resolved = np.array([resolved_share(parts, patch) for patch in tested])
     tested_slips = [*slips, *(_together(parts, patch) for patch in between)]
-    shares = delta[0] / delta[0, -1]
-    of_tables = _errors_of_tables(_tables(of_joint, of_scans), tested_slips, shares, resolved)
-    errors_of_tables = np.maximum(of_tables.max(axis=1), between_solved)
-    shear_error, loss_error, stiffness_error = errors_of_tables.tolist()
+    shares, tables = delta[0] / delta[0, -1], tables_of(_tables(of_joint, of_scans))
+    of_tables = errors_of_tables(tables, tested_slips, shares, resolved)
+    greatest = np.maximum(of_tables.max(axis=1), between_solved)
+    shear_error, loss_error, stiffness_error = greatest.tolist()
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
@@ -210,7 +220,7 @@ def law(
         hardness_Pa=contacts[0].hardness_Pa,
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
-        left_out=left_out,
+        halfway=halfway,
         shear_error=shear_error,
         loss_error=loss_error,
         stiffness_error=stiffness_error,
@@ -235,21 +245,21 @@ def _tables(of_joint: dict[str, Any], of_scans: Sequence[dict[str, Any]]) -> dic
 
 
 def _of_scans(
-    parts: Sequence[Part], patches: Sequence[Sequence[SlipCurve]], at_shares: bool = False
+    parts: Sequence[Part], patches: Sequence[Sequence[SlipCurve]], at_shares: Sequence[bool] = ()
 ) -> tuple[dict[str, Any], ...]:
     """Return what `tables_of` takes of each scan under growing pressures.
 
-    Beds of a map, one for each pressure, at equal shares of their pressures, or at equal loads.
+    Beds of a map, two for each interval, at equal shares of their pressures or at equal loads.
     """
     found = []
     for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
         rows, is_solved = _rows(slips, SHARES), part.contact.rung.solved_loads_N is not None
         own_curves = _has_own_curves(part)
         least_Pa = LEAST_LOAD * part.joint.scan_load_N / _area_m2(part.joint)
-        if own_curves and is_solved and at_shares:
-            tables = beds_at_shares(slips)
-        elif own_curves and (is_solved or not serves_all(slips[-1], rows)):
-            tables = beds_at_loads(slips, least_Pa, is_solved)
+        if own_curves and is_solved:
+            tables = beds_between(slips, at_shares)
+        elif own_curves and not serves_all(slips[-1], rows):
+            tables = beds_at_loads(slips, least_Pa)
         elif is_solved:
             tables = bed_of_solutions(rows)
         else:
@@ -276,19 +286,7 @@ def _rows(slips: Sequence[SlipCurve], shares: np.ndarray) -> dict[str, np.ndarra
         "pressure_Pa": np.array([float(slip.preload_N) for slip in slips]),
         "closure_m": np.array([float(slip.approach_m - slip.curve.touch_m) for slip in slips]),
         "displacement_m": delta,
-        **_sheared(slips, delta),
-    }
-
-
-def _sheared(slips: Sequence[SlipCurve], delta: np.ndarray) -> dict[str, np.ndarray]:
-    """Return stiffnesses, and shear and loss at displacements (p, k), of slip curves per area."""
-    pairs = list(zip(slips, delta, strict=True))
-    k_n = [float(slip.curve.stiffness_N_per_m(slip.approach_m)) for slip in slips]
-    return {
-        "normal_stiffness_Pa_per_m": np.array(k_n),
-        "tangential_stiffness_Pa_per_m": np.array(k_n) / [slip.kappa for slip in slips],
-        "shear_Pa": np.array([slip.force_N(x) for slip, x in pairs]),
-        "loss_J_per_m2": np.array([slip.energy_J(x) for slip, x in pairs]),
+        **sheared(slips, delta),
     }
 
 
@@ -302,7 +300,7 @@ def _scatter(
     if len(parts) == 1:
         return {}
     share = np.array([part.share for part in parts])
-    scans = [_sheared(slips, delta) for slips in zip(*patches, strict=True)]
+    scans = [sheared(slips, delta) for slips in zip(*patches, strict=True)]
     found = {}
     for name, column in SCATTERS.items():
         values = np.array([scan[name] for scan in scans])
@@ -384,7 +382,7 @@ def _refined(
         tested = [halfway[one] for one in middle]
         tables = _tables(dict(zip(OF_JOINT, (mu, kappa, p[[0, -1]]), strict=True)), of_scans)
         slips = [_together(parts, patch) for patch in tested]
-        errors = np.max(_errors_of_tables(tables, slips, SHARES)[:2], axis=0)
+        errors = np.max(errors_of_tables(tables_of(tables), slips, SHARES)[:2], axis=0)
         poor = [patch for patch, error in zip(tested, errors, strict=True) if error > BETWEEN]
         if not poor or turn == MOST_TURNS:
             break
@@ -399,7 +397,7 @@ def _with_ends_halved(
 ) -> list[list[SlipCurve]]:
     """Return patches under the pressures halfway to the least and the greatest one, too.
 
-    No pressure that is left out tells what those two are off: with these, one does.
+    There the least touches, and the most joins.
     """
     p, mu = [float(patch[0].preload_N) for patch in patches], patches[0][0].friction_coefficient
     to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
@@ -429,70 +427,58 @@ def _without_level(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> bool:
     return any(one.contact.lacks_level(slip.preload_N * _area_m2(one.joint)) for one, slip in pairs)
 
 
+def _followed(
+    parts: Sequence[Part], low: Sequence[SlipCurve], high: Sequence[SlipCurve], share: float
+) -> list[SlipCurve] | None:
+    """Return patches at a share of the way between two pressures; None if not to be followed.
+
+    Of one scan what slips at some forces is solved alone, and not what is between them.
+    """
+    p = float(low[0].preload_N) ** (1.0 - share) * float(high[0].preload_N) ** share
+    to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
+    with suppress(ContactError):
+        patch = [_patch(part, p * to_factor, low[0].friction_coefficient) for part in parts]
+        at_forces, scaled = parts[0].contact.rung.at_forces, patch[0].curve
+        if len(parts) == 1 and at_forces is not None and isinstance(scaled, ScaledCurve):
+            some = replace(scaled, curve=at_forces(scaled.curve, FORCES_BETWEEN))
+            patch = [replace(patch[0], curve=some)]
+        for slip in patch:
+            slip.energy_J(slip.total_slip_displacement_m)
+        return patch
+    return None
+
+
 def _between_solved(
     parts: Sequence[Part], patches: list[list[SlipCurve]], of_joint: dict[str, Any]
-) -> tuple[bool, np.ndarray]:
-    """Return whether beds are alike at shares of their pressures, and errors between solutions.
+) -> tuple[list[bool], np.ndarray]:
+    """Return where beds are alike at shares of their pressures, and errors between solutions.
 
-    Those of shear, loss and stiffness before slip; infinite where less than two pressures can be
-    left out.
+    Of each interval; and those of shear, loss and stiffness before slip, infinite where nothing is
+    known halfway. Where they are the largest halfway, the quarters are asked, too.
     """
-    best, least = (False, np.full(3, np.inf)), np.inf
-    inner = range(1, len(patches) - 1)
-    if len(inner) < 2:
-        return best
-    resolved = [np.array([_resolved_share(parts, patch)]) for patch in patches]
-    for at_shares in (False, True) if any(map(_has_own_curves, parts)) else (False,):
-        found = []
-        for i in inner:
-            of_scans = _of_scans(parts, [*patches[:i], *patches[i + 1 :]], at_shares)
-            left_out = [_together(parts, patches[i])]
-            tables = _tables(of_joint, of_scans)
-            found.append(_errors_of_tables(tables, left_out, SHARES, resolved[i])[:, 0])
-        errors = np.array(found)
-        if errors[:, 1].mean() < least:
-            likely = errors.mean(axis=0) + NORMAL_95 * errors.std(axis=0, ddof=1)
-            best = at_shares, np.maximum(errors.max(axis=0), likely)
-            least = float(errors[:, 1].mean())
-    return best
+    ways = (False, True) if any(map(_has_own_curves, parts)) else (False,)
+    n = len(patches) - 1
+    tables = [tables_of(_tables(of_joint, _of_scans(parts, patches, [way] * n))) for way in ways]
 
+    def errors(i: int, *shares: float) -> np.ndarray:
+        """Errors of one interval, of each way the largest, shape (ways, 3); 0 if not known."""
+        found = np.zeros((len(ways), 3))
+        for share in shares:
+            if (patch := _followed(parts, patches[i], patches[i + 1], share)) is not None:
+                slip, resolved = _together(parts, patch), resolved_share(parts, patch)
+                each = [errors_at_forces(one, slip, FORCES_BETWEEN, resolved) for one in tables]
+                found = np.maximum(found, each)
+        return found
 
-def _resolved_share(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> float:
-    """Return the share of mu p from which all scans know the loss; a tenth, if that is more."""
-    shares = [ASKED_SHARE]
-    for part, slip in zip(parts, patch, strict=True):
-        if part.contact.rung.least_share is not None:
-            curve = slip.curve.curve if isinstance(slip.curve, ScaledCurve) else slip.curve
-            load_N = float(curve.load_N(slip.approach_m))
-            shares.append(part.contact.rung.least_share(curve, load_N))
-    return max(shares)
-
-
-def _errors_of_tables(
-    of: dict[str, Any],
-    slips: Sequence[SlipCurve],
-    shares: np.ndarray,
-    resolved: np.ndarray | float = ASKED_SHARE,
-) -> np.ndarray:
-    """Return the largest errors of shear, loss and stiffness before slip against their curves.
-
-    At shares of the displacements at total slip, and halfway between them; of the loss from a
-    resolved share of mu p of each curve on.
-
-    Returns
-    -------
-    float64, shape (3, p)
-    """
-    tables = tables_of(of)
-    shares = np.union1d(shares, 0.5 * (shares[1:] + shares[:-1]))
-    delta = np.array([float(slip.total_slip_displacement_m) for slip in slips])[:, None] * shares
-    p = np.array([float(slip.preload_N) for slip in slips])[:, None]
-    exact = _sheared(slips, delta)
-    share = exact["shear_Pa"] / (slips[0].friction_coefficient * p)
-    shear = np.abs(tables.shear_Pa(delta, p) / exact["shear_Pa"] - 1.0)
-    loss = np.abs(tables.loss_J_per_m2(delta, p) / exact["loss_J_per_m2"] - 1.0)
-    shear = np.where(share >= ASKED_SHARE, shear, 0.0)
-    loss = np.where(share >= np.reshape(resolved, (-1, 1)), loss, 0.0)
-    before = np.array([float(slip.tangential_stiffness_N_per_m) for slip in slips])
-    stiffness = np.abs(tables.tangential_stiffness_Pa_per_m(p[:, 0]) / before - 1.0)
-    return np.array((shear.max(axis=1), loss.max(axis=1), stiffness))
+    found = np.array([errors(i, 0.5) for i in range(n)]).reshape(n, len(ways), 3)
+    of_loss = found[:, :, 1].min(axis=1)
+    for i in np.argsort(-of_loss)[:MOST_UNLIKE].tolist():
+        if of_loss[i] > BETWEEN:
+            found[i] = np.maximum(found[i], errors(i, 0.25, 0.75))
+    best = found[:, :, 1].argmin(axis=1)
+    known = found[np.arange(n), best][found.any(axis=(1, 2))]
+    taken = [ways[way] for way in best.tolist()]
+    if not len(known):
+        return taken, np.full(3, np.inf)
+    likely = known.mean(axis=0) + NORMAL_95 * known.std(axis=0, ddof=min(len(known) - 1, 1))
+    return taken, ELSEWHERE * np.maximum(known.max(axis=0), likely)

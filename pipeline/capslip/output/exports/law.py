@@ -14,13 +14,14 @@ import numpy as np
 
 from capslip.disk import hdf5_in_memory
 from capslip.errors import ContactError
-from capslip.output.export import Export, inexact
+from capslip.output.export import Export, inexact, refuse_varying
 from capslip.pressing import caps_hold, error_under
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
 from capslip.structure.interpolation import LOADS, tables_of
-from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
+from capslip.structure.law import JENKINS_TOLERANCE, SCATTERS, Law, law
+from capslip.structure.law_errors import ASKED_SHARE
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
@@ -107,9 +108,7 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
 
 
 def _ruled_out(settings: "Settings") -> str | None:
-    if settings.slip.normal_amplitude_ratio == 0.0:
-        return None
-    return "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
+    return refuse_varying(settings, "it is a law under a constant pressure")
 
 
 def _inexact(found: Law, tolerance: float) -> tuple[Problem, ...]:
@@ -264,10 +263,10 @@ def about(
 
 def _measured_at(found: Law) -> str:
     """Return where `law.py` was compared with the model."""
-    if found.left_out:
+    if found.halfway:
         return (
-            "where pressures are left out, each in turn: contacts that touch between two of them "
-            "are smeared, so take the pressures of law.csv where this is too much"
+            "between its pressures, solved there, too: contacts that touch in between are "
+            "smeared, so take the pressures of law.csv where this is too much"
         )
     between = "" if found.has_beds_alone else " and at the quarters between them"
     return f"at the pressures of law.csv{between}"
