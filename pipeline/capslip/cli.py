@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from capslip import __version__, registry
-from capslip.console import Group, Progress, open_streams, print_result, say_result, to_width
+from capslip.console import (
+    Group,
+    Progress,
+    ending,
+    open_streams,
+    print_result,
+    say_result,
+    to_width,
+)
 from capslip.errors import ScanError, SettingsError
 from capslip.options import (
     PATH,
@@ -110,7 +118,7 @@ def analyze(
             progress=say,
             missing=say.missing,
         )
-    print_result(summary, _ending(analysis, summary, folder), as_json, quiet)
+    print_result(summary, ending(analysis, summary, folder), as_json, quiet)
     _raise_errors(analysis, folder, f"{surface}: ")
     say.raise_failures(folder)
 
@@ -151,7 +159,7 @@ def _analyze_scans(
     summary = write_joint(
         result, folder, _command_line(), timings_s, export, progress=say, missing=say.missing
     )
-    print_result(summary, _ending(result, summary, folder), as_json, quiet)
+    print_result(summary, ending(result, summary, folder), as_json, quiet)
     _raise_errors(result, folder)
     say.raise_failures(folder)
 
@@ -162,19 +170,6 @@ def _tell_replaced(folder: Path, faces: "Iterable[HeightMap]", say: Progress) ->
 
     if of := scans_replaced(folder, (face.origin for face in faces)):
         say.warn(f"{folder} holds a result of {' and '.join(of)}, which is replaced; see --out")
-
-
-def _ending(printed: "JointResult", summary: dict[str, Any], folder: Path) -> str:
-    """Say where all is; what was written may have told more than what was printed before."""
-    from capslip.verdict import reason_of
-
-    lines = ["", f"results    {folder}", f"report     {folder / 'report.html'}"]
-    if printed.status != summary["status"]:
-        lines.insert(1, f"status     {summary['status']}")
-    # Another warning of an export, which is told itself, is only counted there
-    if reason_of(printed.verdict) != reason_of(summary["verdict"]):
-        lines.insert(1, f"verdict    {summary['verdict']}".replace("µ", "u"))
-    return "\n".join(lines)
 
 
 def _raise_errors(result: "JointResult", folder: Path | None, of: str = "") -> None:

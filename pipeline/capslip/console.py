@@ -17,12 +17,15 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line, printable
 from capslip.waiting import LISTENER
+
+if TYPE_CHECKING:
+    from capslip.result import JointResult
 
 EXAMPLES = {  # of every command, as its --help shows them
     "analyze": (
@@ -223,6 +226,29 @@ def _lost(stream: Any, error: OSError) -> OSError | None:
     if isinstance(error, BrokenPipeError):
         return None
     return OSError(error.errno, error.strerror, "stdout")
+
+
+def ending(printed: "JointResult", summary: dict[str, Any], folder: Path) -> str:
+    """Say where all is; what was written may have told more than what was printed before.
+
+    Notes as well: that of an export is all that the terminal says of how good it is.
+    """
+    from capslip.verdict import reason_of
+
+    lines = ["", f"results    {folder}", f"report     {folder / 'report.html'}"]
+    if printed.status != summary["status"]:
+        lines.insert(1, f"status     {summary['status']}")
+    # Another warning of an export, which is told itself, is only counted there
+    if reason_of(printed.verdict) != reason_of(summary["verdict"]):
+        lines.insert(1, f"verdict    {summary['verdict']}".replace("µ", "u"))
+    before = {problem.code for problem in printed.problems}
+    notes = [one for one in summary["problems"] if one["severity"] == "info"]
+    lines[1:1] = [
+        f"note       {one['code']}: {one['message']}".replace("µ", "u")
+        for one in notes
+        if one["code"] not in before
+    ]
+    return "\n".join(lines)
 
 
 class Progress:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capslip.cli import _ending, main
-from capslip.console import Progress
+from capslip.cli import main
+from capslip.console import Progress, ending
 from capslip.errors import ScanError, SettingsError
 from capslip.options import settings_of
 from capslip.output.staging import scans_replaced
@@ -196,7 +196,7 @@ def test_a_comparison_is_of_what_was_given_and_written_where_it_was_asked(monkey
     assert '"found": 7' in run("compare", "a", "--assembly", "b.csv", "--json", "-q").stdout
 
 
-WRITTEN = {"verdict": "usable", "status": "ok"}
+WRITTEN = {"verdict": "usable", "status": "ok", "problems": []}
 AS_JSON = json.dumps(WRITTEN, indent=1) + "\n"
 
 
@@ -260,9 +260,24 @@ MANY = "usable with care: 1 is clipped (and {} more); next: scan again"
 def test_a_verdict_is_said_again_where_what_was_written_gave_it_another_reason(
     before, after, status, said
 ):
-    printed = SimpleNamespace(verdict=before, status=status)
-    told = _ending(printed, {"verdict": after, "status": "check"}, Path("out"))
+    printed = SimpleNamespace(verdict=before, status=status, problems=())
+    summary = {"verdict": after, "status": "check", "problems": []}
+    told = ending(printed, summary, Path("out"))
     assert told.splitlines() == ["", *said, "results    out", "report     out/report.html"]
+
+
+def test_a_note_that_came_with_what_was_written_is_told():
+    """Of an export: what stood before in the result is on the page, and a warning told itself."""
+    known = SimpleNamespace(code="under_resolved")
+    printed = SimpleNamespace(verdict="usable", status="ok", problems=(known,))
+    problems = [
+        {"code": "under_resolved", "severity": "info", "message": "few pixels"},
+        {"code": "export_inexact", "severity": "info", "message": "law.py differs by 5 %, 2 µm"},
+        {"code": "output_missing", "severity": "warning", "message": "no picture"},
+    ]
+    summary = {"verdict": "usable", "status": "ok", "problems": problems}
+    told = ending(printed, summary, Path("out")).splitlines()
+    assert told[1:-2] == ["note       export_inexact: law.py differs by 5 %, 2 um"]
 
 
 SIZES = ("--unit", "um", "--lateral-unit", "um", "--pixel-size", "1", "2")
@@ -374,6 +389,28 @@ def test_an_error_in_a_result_or_a_part_that_is_missing_ends_with_its_code(scans
         ran = run("analyze", *scans, *SIZES, "-o", "out")
         assert ran.exit_code == code
         assert "energy.png could not be drawn; all numbers are in out" in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("--preload", "400N", "--set", "contact.preload_N=800"),
+            "contact.preload_N: got 800 and 400.0; the last counts, 400.0",
+        ),
+        (
+            ("--set", "slip.direction_rad=0", "--set", "slip.direction_rad=1"),
+            "slip.direction_rad: got 0 and 1; the last counts, 1",
+        ),
+        (("--preload", "400N", "--set", "contact.preload_N=400"), None),
+        (("--set", "slip.direction_rad=0", "--set", "contact.preload_N=1"), None),
+    ],
+)
+def test_a_setting_that_is_given_twice_is_told_in_one_line(analysed, words, said):
+    assert warned("a.npy", *words) == ([] if said is None else [f"warning: {said}"])
+    asked = dict(zip(words[::2], words[1::2], strict=True))
+    if "--preload" in asked:
+        assert analysed.one[1].contact.preload_N == 400.0
 
 
 def test_a_model_that_slips_as_a_whole_exports_no_sliders(analysed):
