@@ -3,14 +3,13 @@
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
-from capslip.contact.scaled import ScaledCurve
 from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError, SettingsError, check_call, check_kind
@@ -160,7 +159,7 @@ def law(
     -----
     The errors of what lies between the points of the tables are the largest at `pressure_Pa`, from
     a tenth of mu p on; where each pressure has its own curve, at the quarters between, too. Where
-    each has a solution of its own, the face is solved halfway between them at some forces as well,
+    each has a solution of its own, the face is solved halfway between them as well,
     and at the quarters where it is off the most. The errors there are taken for a sample: its
     largest, or its mean and 1.96 standard deviations where that is more, and a fifth of it for
     other pressures and forces. Errors are the largest at the ends, where the least touches and the
@@ -430,18 +429,11 @@ def _without_level(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> bool:
 def _followed(
     parts: Sequence[Part], low: Sequence[SlipCurve], high: Sequence[SlipCurve], share: float
 ) -> list[SlipCurve] | None:
-    """Return patches at a share of the way between two pressures; None if not to be followed.
-
-    Of one scan what slips at some forces is solved alone, and not what is between them.
-    """
+    """Return patches at a share of the way between two pressures; None if not to be followed."""
     p = float(low[0].preload_N) ** (1.0 - share) * float(high[0].preload_N) ** share
     to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
     with suppress(ContactError):
         patch = [_patch(part, p * to_factor, low[0].friction_coefficient) for part in parts]
-        at_forces, scaled = parts[0].contact.rung.at_forces, patch[0].curve
-        if len(parts) == 1 and at_forces is not None and isinstance(scaled, ScaledCurve):
-            some = replace(scaled, curve=at_forces(scaled.curve, FORCES_BETWEEN))
-            patch = [replace(patch[0], curve=some)]
         for slip in patch:
             slip.energy_J(slip.total_slip_displacement_m)
         return patch
