@@ -332,7 +332,7 @@ def test_a_map_that_stands_in_for_caps_without_a_level_has_its_error_and_its_int
     (said,) = (one for one in found.contact.problems if one.code == "caps_not_pressed")
     assert said.message.startswith("the caps find no level: m, n, R and h describe the caps")
     assert 0.0 < found.contact.estimated_error < 0.2
-    assert found.band.left_out == ("noise of the map that pixels share",)
+    assert found.band.left_out == ("noise of the map that pixels share", "blur of the optics")
 
 
 @pytest.mark.parametrize("model", ["flat", "boundary_elements", "caps"])

@@ -30,6 +30,7 @@ REST = {
     "yield": "material.yield_stress_Pa=1e9",
     "normal load": "slip.normal_amplitude_ratio=0.1",
     "noise": "instrument.noise_m=1e-9",
+    "resolution": "instrument.lateral_period_limit_m=2e-6",
 }
 EVERY = {**JOINT, **REST}
 SPREADS = tuple(
@@ -48,7 +49,7 @@ def load(*overrides, path=None):
 
 def test_what_is_given_is_not_assumed_though_it_be_the_default():
     of_joint = ["preload", "material", "friction", "structure", "joint area", "yield"]
-    assert names(load()) == [*of_joint, "normal load", "spreads", "noise"]
+    assert names(load()) == [*of_joint, "normal load", "spreads", "noise", "resolution"]
     assert names(load(*EVERY.values(), *SPREADS)) == []
     for name in EVERY:
         rest = [override for other, override in EVERY.items() if other != name]
@@ -86,6 +87,9 @@ def test_each_assumption_says_what_stands_in_what_it_moves_and_how_to_give_it():
          "the intervals", "--set material.friction_spread=0.2", False),
         ("noise", "instrument.noise_m", "white, as heights change from pixel to pixel",
          "the stated error where the map", "--set instrument.noise_m=N_M", False),
+        ("resolution", "instrument.lateral_period_limit_m", "that of the pixels",
+         "stiffness and energy where the map itself is pressed: a blur of the optics does, and is "
+         "not in the stated error", "--set instrument.lateral_period_limit_m=D_LIM", False),
     ]  # fmt: skip
     found = [list(asdict(one).values()) for one in assumptions(load())]
     for one, (name, setting, value, moves, option, demonstrates) in zip(
@@ -156,7 +160,7 @@ def test_what_an_analysis_wrote_down_gives_what_was_given(tmp_path):
     assert (names(again), again.sha256()) == (names(settings), settings.sha256())
     assert names(load(JOINT["material"], path=path)) == [
         *("Poisson's ratio", "structure", "joint area", "yield", "normal load", "spreads"),
-        "noise",
+        *("noise", "resolution"),
     ]
 
 

@@ -64,6 +64,7 @@ class Instrument(_Table, frozen=True):
 
     flatness_deviation_m: Positive | None = None  # z_FLT, of the map of a flat
     noise_m: Positive | None = None  # N_M, rms of a height of one scan
+    lateral_period_limit_m: Positive | None = None  # D_LIM, of the wave that it halves
 
 
 class Conditioning(_Table, frozen=True):

@@ -39,7 +39,7 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
     >>> from capslip.settings import load_settings
     >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
     >>> [one.name for one in assumptions(given)]
-    ['material', 'friction', 'joint area', 'yield', 'normal load', 'spreads', 'noise']
+    ['material', 'friction', 'joint area', 'yield', 'normal load', 'spreads', 'noise', 'resolution']
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
@@ -91,12 +91,31 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
         key, moves = spreads[certain[0]][0], "the intervals, which leave them out"
         value = f"{', '.join(certain)} as if known exactly"
         found.append(("spreads", key, value, moves, f"--set {key}=0.2", False))
-    if not noise_known and settings.instrument.noise_m is None and settings.families.m is None:
+    found += _of_instrument(settings, noise_known)
+    return tuple(Assumption(*one) for one in found)
+
+
+def _of_instrument(
+    settings: Settings, noise_known: bool
+) -> list[tuple[str, str, str, str, str, bool]]:
+    """Return what of a scan was assumed, not given."""
+    found: list[tuple[str, str, str, str, str, bool]] = []
+    if settings.families.m is not None:
+        return found
+    if not noise_known and settings.instrument.noise_m is None:
         key = "instrument.noise_m"
         moves = "the stated error where the map itself is pressed; of a smooth one the energy, too"
         value = "white, as heights change from pixel to pixel"
         found.append(("noise", key, value, moves, f"--set {key}=N_M", False))
-    return tuple(Assumption(*one) for one in found)
+    if settings.instrument.lateral_period_limit_m is None:
+        key = "instrument.lateral_period_limit_m"
+        value = "that of the pixels"
+        moves = (
+            "stiffness and energy where the map itself is pressed: a blur of the optics does, and "
+            "is not in the stated error"
+        )
+        found.append(("resolution", key, value, moves, f"--set {key}=D_LIM", False))
+    return found
 
 
 def yields(settings: Settings) -> bool:

@@ -10,7 +10,7 @@ from capslip.contact.joint import Joint
 from capslip.contact.models.families import families
 from capslip.contact.rung import ModelError
 from capslip.contact.uneven import side_by_side
-from capslip.settings import load_settings
+from capslip.settings import Settings, load_settings
 from capslip.structure import band, band_causes, band_state
 from capslip.structure.band_causes import NORMAL_95, PAIRS_SHARE
 
@@ -27,20 +27,27 @@ def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **c
     [
         ([part()], ()),
         ([part(error=None)], ("error of the model",)),
-        ([part(made_from="map")], ("noise of the map that pixels share",)),
+        ([part(made_from="map")], ("noise of the map that pixels share", "blur of the optics")),
         ([part(coverage=0.98)], ("scatter between scans",)),
         ([part(coverage=0.995)], ()),
         ([part(coverage=0.3), part(coverage=0.3)], ()),
         (
             [part(), part(error=None, made_from="map")],
-            ("error of the model", "noise of the map that pixels share"),
+            ("error of the model", "noise of the map that pixels share", "blur of the optics"),
         ),
     ],
 )
 def test_what_an_interval_does_not_hold_is_listed(parts, left_out):
-    assert band._left_out(SimpleNamespace(parts=parts, noise_known=False)) == left_out
-    known = tuple(one for one in left_out if not one.startswith("noise"))
-    assert band._left_out(SimpleNamespace(parts=parts, noise_known=True)) == known
+    said = load_settings(overrides=("instrument.lateral_period_limit_m=2e-6",))
+    for noise_known, settings, gone in (
+        (False, Settings(), ()),
+        (True, Settings(), ("noise",)),
+        (False, said, ("blur",)),
+        (True, said, ("noise", "blur")),
+    ):
+        state = SimpleNamespace(parts=parts, noise_known=noise_known, settings=settings)
+        rest = tuple(one for one in left_out if not one.startswith(gone))
+        assert band._left_out(state) == rest
 
 
 def test_two_rows_have_the_covariance_of_many():

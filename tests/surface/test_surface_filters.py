@@ -8,6 +8,7 @@ import pytest
 from capslip.errors import SettingsError
 from capslip.surface.filters import (
     SIGMA_PER_NESTING_INDEX,
+    blurred,
     gaussian_l_filter,
     gaussian_s_filter,
 )
@@ -122,3 +123,35 @@ def test_filter_is_quick_and_small():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 6 * z.nbytes
+
+
+@pytest.mark.parametrize("period_pixels", [1.5, 3.0, 6.0])
+def test_a_blur_takes_of_a_wave_what_optics_of_that_period_take(period_pixels):
+    """Its curvature falls by half its variance a pixel, on however few pixels that is."""
+    _, x = axes()
+    dx_m = PIXEL_M[1]
+    period_m, everywhere = period_pixels * dx_m, np.ones((NY, NX), dtype=bool)
+    for waves in (8, 14):
+        height_m = 1e-7 * np.cos(2.0 * np.pi * waves * x / (NX * dx_m))
+        inside = np.s_[:, 30:-30]
+        found_m = blurred(height_m, everywhere, PIXEL_M, period_m)
+        taken = 1.0 - np.ptp(found_m[inside]) / np.ptp(height_m[inside])
+        of_period = waves / (NX * dx_m) * period_m
+        assert taken == pytest.approx(1.0 - 0.5 ** (of_period**2), rel=0.04)
+
+
+def test_a_blur_leaves_a_plane_up_to_the_edge_and_around_holes():
+    y, x = axes()
+    plane_m, missing = 3e-5 * x - 1e-5 * y, holes()
+    for measured in (np.ones((NY, NX), dtype=bool), ~missing):
+        height_m = np.where(measured, plane_m, np.nan)
+        found_m = blurred(height_m, measured, PIXEL_M, 4.0 * PIXEL_M[1])
+        np.testing.assert_allclose(found_m[measured], plane_m[measured], rtol=0.0, atol=1e-18)
+        assert np.isnan(found_m[~measured]).all()
+
+
+def test_a_lone_point_keeps_its_height_under_a_blur():
+    measured = np.zeros((9, 9), dtype=bool)
+    measured[4, 4] = True
+    found_m = blurred(np.full((9, 9), 2e-7), measured, PIXEL_M, 4.0 * PIXEL_M[1])
+    assert found_m[4, 4] == pytest.approx(2e-7, rel=1e-12)

@@ -8,13 +8,22 @@ from types import MappingProxyType
 import numpy as np
 
 from capslip.contact.map_curve import BoundaryElementCurve
-from capslip.contact.map_doubts import ASKED, doubted_of, less_noise, noisy, of_detail, unresolved
+from capslip.contact.map_doubts import (
+    ASKED,
+    doubted_of,
+    less_noise,
+    noisy,
+    of_detail,
+    of_resolution,
+    unresolved,
+)
 from capslip.contact.plastic_law import LawError, law_of_map, of_contact
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import (
     FORCE_SHARES,
     Detail,
     FirstLoading,
+    effect_of_blur,
     effect_of_detail,
     effect_of_pixels,
     effect_of_refinement,
@@ -49,6 +58,9 @@ MOST_OF_NOISE = 1.0  # relative, of the energy: first order ends where all of it
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
 # Over what detail moves of stiffness and energy where noise is more than small: 95 % are within
 STRONG_95 = 1.5, 1.3
+# Over what one more blur moves of stiffness and energy: 95 % of what the first has moved are within
+BLURRED_95 = 2.0, 2.5
+OF_BLURRED = 3.0  # times what it moves of the stiffness: the energy moves 2 to 8 times as much
 MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude none is known anyway
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 # Correlation length of what is missed, over how far the points lie apart: on rough faces of every
@@ -112,6 +124,8 @@ class _Seen:
     faces: float
     filtered: bool  # whether the settings have an S-filter: then no other one is a way out
     warned: bool  # of what other forces do not help
+    blur: Detail | None = None  # what that of the optics leaves, where their period is given
+    period_m: float = math.nan
 
     def doubts_at(self, asked: float) -> tuple[Problem, ...]:
         """Return it where a share of mu N is asked for, from a quarter on; at that, of all forces.
@@ -122,6 +136,8 @@ class _Seen:
         of_pixels, of_noise = self.causes.at_any(asked)
         given = self.detail, of_pixels, tolerance, self.pixel_m, noise_m is not None
         found = of_detail(*given, asked, self.filtered)
+        if self.blur is not None:
+            found += of_resolution(self.blur, tolerance, self.period_m)
         if not any(one.severity == "warning" for one in found):
             if of_noise > tolerance:
                 counted_m = self.causes.noise_m
@@ -144,6 +160,7 @@ def error_of_map(
     tolerance: float,
     noise_m: float | None = None,
     filtered: bool = False,
+    period_m: float | None = None,
 ) -> tuple[ModelError | None, tuple[Problem, ...]]:
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
@@ -165,6 +182,9 @@ def error_of_map(
         not known, as much as changes from pixel to pixel counts, and is white.
     filtered : bool
         Whether the settings have an S-filter: then none is advised.
+    period_m : float, optional
+        Lateral period limit of the instrument. Where it is not known, what the blur of the optics
+        has moved is in no error.
     """
     unloading, pressed = curve.unloading(load_N), curve.pressed(load_N)
     first = curve.loaded_first_to(load_N)
@@ -190,6 +210,7 @@ def error_of_map(
     try:
         with curve.solutions.counted(load_N):
             detail, changes = _pressed_again(curve, load_N, first)
+            blur = None if period_m is None else _left_by_blur(curve, load_N, first, period_m)
     except OutOfTimeError:
         found.append(_out_of_time(curve.solutions.time_limit_s, more))
         return _with_pixels(causes, max(least, of_both), least), tuple(found)
@@ -199,7 +220,8 @@ def error_of_map(
         detail = replace(detail, white_share=detail.white_share * noise_m / white_m)
     warned = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
     of_scan = max(pressed.pixel_size_m), noise_m, taken, first.face.faces
-    seen = _Seen(causes, detail, tolerance, *of_scan, filtered, warned)
+    of_optics = blur, math.nan if period_m is None else period_m
+    seen = _Seen(causes, detail, tolerance, *of_scan, filtered, warned, *of_optics)
     found += seen.doubts_at(ASKED)
     factor = doubted_of(detail)
     # As what is left where nearly all of the contact slips: both are of all of it alike
@@ -208,7 +230,7 @@ def error_of_map(
     of_detail, energy = _left_by_detail(detail, factor, strong)
     of_points = causes.of_contact * max(noise_of_whole, STIFFNESS_95 * pixels_of_whole)
     stiffness = max(of_detail, of_points, LEAST_ERROR)
-    errors = _with_pixels(causes, stiffness, least, energy)
+    errors = _with_blur(_with_pixels(causes, stiffness, least, energy), blur)
     return replace(errors, doubts_at=seen.doubts_at), tuple(found)
 
 
@@ -232,18 +254,7 @@ def _pressed_again(
     """Return what the finest detail does, and what coarser pixels move, by shares of mu N."""
     solutions, unloading = curve.solutions, curve.unloading(load_N)
     face, pressed, tolerance = solutions.face, curve.pressed(load_N), solutions.tolerance
-    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
-        problem.code != "under_resolved" for problem in curve.problems(load_N)
-    )
-    detail = effect_of_detail(
-        first,
-        unloading,
-        tolerance,
-        -curve.compliance_m_per_N,
-        resolved=resolved,
-        time_limit_s=solutions.left_s(load_N),
-        start_Pa=pressed.pressure_Pa,
-    )
+    detail = effect_of_detail(first, *_asked_of_smoother(curve, load_N))
     changes: dict[float, float] = {}
     if unloading.refinement > 1:
         each = [effect_of_refinement(face, pressed, unloading, tolerance)]
@@ -254,6 +265,46 @@ def _pressed_again(
         left_s = solutions.left_s(load_N)
         changes = effect_of_pixels(first, unloading, tolerance, pressed.pressure_Pa, left_s)
     return detail, changes
+
+
+def _asked_of_smoother(
+    curve: BoundaryElementCurve, load_N: float
+) -> tuple[Unloading, float, float, bool, float, np.ndarray]:
+    """Return what a smoother map is pressed with, see `effect_of_detail`."""
+    solutions, unloading = curve.solutions, curve.unloading(load_N)
+    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
+        problem.code != "under_resolved" for problem in curve.problems(load_N)
+    )
+    asked = unloading, solutions.tolerance, -curve.compliance_m_per_N, resolved
+    return *asked, solutions.left_s(load_N), curve.pressed(load_N).pressure_Pa
+
+
+def _left_by_blur(
+    curve: BoundaryElementCurve, load_N: float, first: FirstLoading, period_m: float
+) -> Detail:
+    """Return what the blur of the optics may have moved: what one more moves, so many times.
+
+    As logarithms, as `_left_by_detail`. Of the energies the greatest counts at each force, and no
+    less than the stiffness tells: what a blur moves of them crosses zero between two forces, and
+    for the first one elsewhere.
+    """
+    again = effect_of_blur(first, period_m, *_asked_of_smoother(curve, load_N)).effect
+    moved = np.array((again.tangential_stiffness or 0.0, again.energy or 0.0))
+    stiffer, more = (-np.log1p(-np.minimum(moved, MOST_MOVED))).tolist()
+    stiffness, energy = BLURRED_95[0] * stiffer, BLURRED_95[1] * max(more, OF_BLURRED * stiffer)
+    return Detail(Effect(stiffness, energy, energy), energy=(energy,) * len(FORCE_SHARES))
+
+
+def _with_blur(errors: ModelError, blur: Detail | None) -> ModelError:
+    """Return the errors with what the blur of the optics leaves, which is a cause of its own."""
+    if blur is None:
+        return errors
+    by_share = tuple(
+        (share, math.hypot(error, blur.energy_at(share))) for share, error in errors.energy_by_share
+    )
+    stiffness = math.hypot(errors.stiffness, blur.effect.tangential_stiffness or 0.0)
+    greatest = max(error for _, error in by_share)
+    return replace(errors, stiffness=stiffness, energy=greatest, energy_by_share=by_share)
 
 
 def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> float:

@@ -14,6 +14,8 @@ TELLS_NOISE = (
     "from detail"
 )
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
+BLUR = "the optics halve waves of {:.3g} m, and blur longer ones, too"
+LEAST_MOVED = 1e-3  # of stiffness and energy: less that the optics move is not noted
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 
 
@@ -67,6 +69,24 @@ def of_detail(
         energy = max(effect.energy or 0.0, share_of(of_pixels))
         effect = replace(effect, energy=energy, loss_factor=energy)
     return [Problem("detail_decides", "warning", message, effect, "; ".join(ways))]
+
+
+def of_resolution(blur: Detail, tolerance: float, period_m: float) -> list[Problem]:
+    """Return what the optics may have moved that halve waves of a period; below a thousandth, none.
+
+    What moves is given as logarithms.
+    """
+    stiffness, energy = blur.effect.tangential_stiffness or 0.0, blur.effect.energy or 0.0
+    if max(stiffness, energy) < LEAST_MOVED:
+        return []
+    severity: Severity = "warning" if max(stiffness, energy) > tolerance else "info"
+    message = (
+        f"{BLUR.format(period_m)}: as one more such blur tells, that has moved the stiffness by up "
+        f"to {off_by(stiffness)} and the energy by up to {off_by(energy)}"
+    )
+    moved = share_of(energy)
+    effect = Effect(share_of(stiffness), moved, moved)
+    return [Problem("resolution_decides", severity, message, effect)]
 
 
 def doubted_of(detail: Detail) -> float:

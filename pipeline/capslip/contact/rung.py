@@ -186,10 +186,11 @@ class Rung(Generic[C]):
     reads_families: bool = False  # whether it takes m, n, R and h, not each cap for itself
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
-    # (curve, load, tolerance, measurement noise, whether an S-filter is set)
+    # (curve, load, tolerance, measurement noise, whether an S-filter is set, lateral period limit)
     error: (
         Callable[
-            [C, float, float, float | None, bool], tuple[ModelError | None, tuple[Problem, ...]]
+            [C, float, float, float | None, bool, float | None],
+            tuple[ModelError | None, tuple[Problem, ...]],
         ]
         | None
     ) = None
@@ -233,10 +234,13 @@ def resolved_share(contact: "ContactState") -> float:
     return 0.0 if share_of is None else float(share_of(contact.normal, contact.preload_N))
 
 
-def asked_of_error(settings: Settings, noise_m: float | None) -> tuple[float, float | None, bool]:
+def asked_of_error(
+    settings: Settings, noise_m: float | None
+) -> tuple[float, float | None, bool, float | None]:
     """Return what the error of a rung is asked with, after its curve and the load."""
     filtered = settings.conditioning.s_filter_nesting_index_m is not None
-    return settings.contact.tolerance, noise_m, filtered
+    period_m = settings.instrument.lateral_period_limit_m
+    return settings.contact.tolerance, noise_m, filtered, period_m
 
 
 def turning_stiffness(settings: Settings) -> float:

@@ -184,6 +184,9 @@ def _left_out(state: State) -> tuple[str, ...]:
         unknown.append(OF_MODEL)
     if not state.noise_known and any(part.contact.rung.made_from == "map" for part in parts):
         unknown.append("noise of the map that pixels share")
+    blur_known = state.settings.instrument.lateral_period_limit_m is not None
+    if not blur_known and any(part.contact.rung.made_from == "map" for part in parts):
+        unknown.append("blur of the optics")
     coverage = parts[0].joint.coverage
     if len(parts) == 1 and coverage is not None and coverage < WHOLE:
         unknown.append("scatter between scans")

@@ -79,6 +79,67 @@ def long_waves_at(
     return long_m[rows, cols], 0.5 * (along_y_per_m + along_x_per_m)
 
 
+def blurred(
+    height_m: np.ndarray,
+    measured: np.ndarray,
+    pixel_size_m: tuple[float, float],
+    period_m: float,
+) -> np.ndarray:
+    """Return heights as an instrument shows them that halves waves of a period.
+
+    Parameters
+    ----------
+    height_m : float64, shape (ny, nx)
+        Heights.
+    measured : bool, shape (ny, nx)
+        Points that count.
+    pixel_size_m : tuple of float
+        (dy, dx).
+    period_m : float
+        Lateral period limit D_LIM (ISO 25178-600) of a Gaussian transfer; of few pixels, too.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        Gaussian regression of the first order, as in ISO 16610-31: a plane stays what it is up to
+        the edge and around holes, where a mean would lower or lift all slopes. Non-measured points
+        keep what they had.
+
+    Notes
+    -----
+    The weights are exp(-s^2) I_n(s^2), with the standard deviation s in pixels and the modified
+    Bessel function: their variance is s^2 on any grid, where that of a Gaussian sampled every pixel
+    is half of it at 0.4 pixels (Lindeberg, IEEE Trans. PAMI 12 (1990) 234).
+    """
+    from scipy.ndimage import correlate1d
+    from scipy.special import ive
+
+    weights = []
+    for size_m in pixel_size_m:
+        variance = (SIGMA_PER_NESTING_INDEX * period_m / size_m) ** 2
+        reach = math.ceil(REACH_SIGMA * math.sqrt(variance)) + 2
+        away = np.arange(-reach, reach + 1)
+        weights.append([ive(np.abs(away), variance) * away**power for power in range(3)])
+
+    def summed(array: np.ndarray, along_y: int, along_x: int) -> np.ndarray:
+        lines = correlate1d(array, weights[0][along_y], 0, mode="constant")
+        return np.asarray(correlate1d(lines, weights[1][along_x], 1, mode="constant"))
+
+    known = measured.astype(float)
+    level_m = float(np.mean(height_m, where=measured)) if measured.any() else 0.0
+    rest_m = np.where(measured, height_m - level_m, 0.0)
+    powers = ((0, 0), (1, 0), (0, 1))
+    sides = np.stack([summed(rest_m, *one) for one in powers], axis=-1)
+    weight = {(i, j): summed(known, i, j) for i in range(3) for j in range(3 - i)}
+    found_m = np.where(measured, level_m + sides[..., 0] / np.where(measured, weight[0, 0], 1.0), 0)
+    first = np.hypot(weight[1, 0], weight[0, 1])
+    at_edge = measured & (first > 1e-12)
+    matrix = [[weight[a + c, b + d][at_edge] for c, d in powers] for a, b in powers]
+    fitted = np.linalg.pinv(np.moveaxis(np.array(matrix), -1, 0), hermitian=True)
+    found_m[at_edge] = level_m + np.einsum("nj,nj->n", fitted[:, 0], sides[at_edge])
+    return np.where(measured, found_m, height_m)
+
+
 def _check(surface: HeightMap, nesting_index_m: float, which: str) -> None:
     shortest_m = MIN_PIXELS * max(surface.pixel_size_m)
     longest_m = min(surface.side_m)

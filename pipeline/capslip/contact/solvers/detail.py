@@ -17,6 +17,7 @@ from capslip.contact.solvers.unloading import Unloading, path_at
 from capslip.contact.solvers.whiteness import white_m2
 from capslip.errors import ContactError, OutOfTimeError
 from capslip.problems import Effect
+from capslip.surface.filters import blurred
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 _FLATS_95 = 1.5  # of what half the points move of the loss of flats: 95 % are off by no more
@@ -108,11 +109,56 @@ def effect_of_detail(
         With changes over the greater of both values; of the energy those at four forces and the
         greatest of them, of the stiffness that where slip begins and of the secants at these.
     """
+    smoothed = _smoothed(first.face)
+    least_m = _NO_EFFECT * first.approach_m if resolved else 0.0
+    given = unloading, tolerance, bulk_m_per_N, resolved, time_limit_s, start_Pa
+    found = _effect_of(smoothed, first, *given, least_m=least_m)
+    return replace(found, white_share=_white_share(first, smoothed))
+
+
+def effect_of_blur(
+    first: FirstLoading,
+    period_m: float,
+    unloading: Unloading,
+    tolerance: float,
+    bulk_m_per_N: float,
+    resolved: bool,
+    time_limit_s: float = math.inf,
+    start_Pa: np.ndarray | None = None,
+) -> Detail:
+    """Return what one more blur by the optics does to stiffness and energy.
+
+    What they took off a map is not in it, and no map without a blur can be made of it that does not
+    hold its noise many times over. What they take off it once more stands for that.
+
+    Parameters are those of `effect_of_detail`, and the length of the waves that the optics halve.
+    """
+    face = first.face
+    depth_m = blurred(face.depth_m, face.measured, face.pixel_size_m, period_m)
+    lowest_m = np.min(depth_m, where=face.measured, initial=np.inf)
+    again = replace(face, depth_m=np.where(face.measured, depth_m - lowest_m, 0.0))
+    given = unloading, tolerance, bulk_m_per_N, resolved, time_limit_s, start_Pa
+    return _effect_of(again, first, *given)
+
+
+def _effect_of(
+    smooth: ElasticFace,
+    first: FirstLoading,
+    unloading: Unloading,
+    tolerance: float,
+    bulk_m_per_N: float,
+    resolved: bool,
+    time_limit_s: float,
+    start_Pa: np.ndarray | None,
+    least_m: float = 0.0,
+) -> Detail:
+    """Return what a smoother face changes under the same load; nothing where it hardly moves.
+
+    Nor where the approach moves by less than a least: it may stay where tops sink alike.
+    """
     load_N = unloading.load_N
-    smooth = smoothed = _smoothed(first.face)
-    white_share = _white_share(first, smoothed)
     if resolved and _hardly_moves(first, smooth):
-        return Detail(Effect(0.0, 0.0, 0.0), white_share)
+        return Detail(Effect(0.0, 0.0, 0.0))
     begun_s = thread_time()
     again = press(
         smooth,
@@ -122,8 +168,8 @@ def effect_of_detail(
         time_limit_s=time_limit_s,
     )
     moved_m = abs(again.approach_m - first.approach_m)
-    if resolved and moved_m < _NO_EFFECT * first.approach_m:
-        return Detail(Effect(0.0, 0.0, 0.0), white_share)
+    if moved_m < least_m:
+        return Detail(Effect(0.0, 0.0, 0.0))
     left_s = max(time_limit_s - (thread_time() - begun_s), 0.0)
     again = press(
         smooth,
@@ -139,7 +185,7 @@ def effect_of_detail(
     stiffer = float(_relative(*stiffness).max())
     energy = _relative(_loss_J(unloading), loss_J).tolist()
     more = max(energy)
-    return Detail(Effect(stiffer, more, more), white_share, tuple(energy))
+    return Detail(Effect(stiffer, more, more), energy=tuple(energy))
 
 
 def effect_of_pixels(

@@ -1,0 +1,137 @@
+"""What the blur of the optics moves of a map: not in its error, until one more blur tells."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from capslip.contact import map_accuracy
+from capslip.contact.map_accuracy import BLURRED_95, OF_BLURRED, _left_by_blur, error_of_map
+from capslip.contact.map_doubts import LEAST_MOVED, of_resolution
+from capslip.contact.models import boundary_elements as bem
+from capslip.contact.rung import asked_of_error
+from capslip.contact.solvers import detail
+from capslip.problems import Effect
+from capslip.settings import load_settings
+from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
+from capslip.surface.filters import blurred
+
+E_STAR_PA, TOLERANCE, LOAD_N, PIXEL_M = 110e9, 0.05, 120.0, 2e-4
+FINER = 3
+PERIOD_M = 4.8 * PIXEL_M  # a standard deviation of 0.9 pixels
+WAVES = Scene((60, 90), (PIXEL_M, PIXEL_M), seed=4, roughness_rms_m=2e-7, roughness_length_m=1.6e-3)
+CAPS = Scene(
+    (80, 120), (PIXEL_M, PIXEL_M),
+    caps=(Cap(4e-3, 4e-3, 20.0, 3e-7), Cap(20e-3, 4e-3, 22.0, 3e-7), Cap(12e-3, 12e-3, 24.0, 3e-7)),
+)  # fmt: skip
+
+
+def pressed(surface):
+    return bem.boundary_elements(surface, E_STAR_PA, preload_N=LOAD_N)
+
+
+def blurred_face(surface):
+    everywhere = np.isfinite(surface.height_m)
+    height_m = blurred(surface.height_m, everywhere, surface.pixel_size_m, PERIOD_M)
+    return replace(surface, height_m=height_m)
+
+
+@pytest.fixture(scope="module")
+def faces():
+    """Return a face on pixels of a third, and what optics show of it on whole ones."""
+    face, _ = synthetic_surface(WAVES, finer=FINER)
+    middle = np.s_[FINER // 2 :: FINER, FINER // 2 :: FINER]
+    seen = blurred_face(face)
+    size_m = (PIXEL_M, PIXEL_M)
+    scan = replace(seen, height_m=seen.height_m[middle], pixel_size_m=size_m)
+    return face, scan
+
+
+def test_what_a_blur_has_moved_is_in_the_error_once_the_optics_are_known(faces):
+    """Of a map that is smooth, and so thought to be a good one."""
+    truth, scan = (pressed(one) for one in faces)
+    truth = truth.at_forces(detail.FORCE_SHARES)
+    off = detail._relative(*(detail._loss_J(one.unloading(LOAD_N)) for one in (scan, truth)))
+    without, said_without = error_of_map(scan, LOAD_N, TOLERANCE)
+    stated, said = error_of_map(scan, LOAD_N, TOLERANCE, period_m=PERIOD_M)
+    before, after = (
+        np.array([one.energy_at(share) for share in detail.FORCE_SHARES])
+        for one in (without, stated)
+    )
+    assert (np.log1p(-off) < -2.0 * before)[1:].any()
+    assert (-np.log1p(-off) <= after).all()
+    assert "resolution_decides" not in {one.code for one in said_without}
+    (of_optics,) = [one for one in said if one.code == "resolution_decides"]
+    assert of_optics.severity == "warning"
+    assert "halve waves of 0.00096 m" in of_optics.message
+    assert [one for one in said if one is not of_optics] == list(said_without)
+
+
+def test_what_the_blur_leaves_is_a_cause_of_its_own(faces):
+    curve = pressed(faces[1])
+    without, _ = error_of_map(curve, LOAD_N, TOLERANCE)
+    stated, _ = error_of_map(curve, LOAD_N, TOLERANCE, period_m=PERIOD_M)
+    first = curve.loaded_first_to(LOAD_N)
+    blur = _left_by_blur(curve, LOAD_N, first, PERIOD_M)
+    for (share, error), (_, of_others) in zip(
+        stated.energy_by_share, without.energy_by_share, strict=True
+    ):
+        assert error == pytest.approx(np.hypot(of_others, blur.energy_at(share)), rel=1e-9)
+    stiffness = np.hypot(without.stiffness, blur.effect.tangential_stiffness)
+    assert stated.stiffness == pytest.approx(stiffness, rel=1e-9)
+    assert stated.energy == max(error for _, error in stated.energy_by_share)
+
+
+def test_what_is_left_is_so_many_times_what_one_more_blur_moves(faces):
+    """The blurred map pressed as any other has the stiffness from which that is counted."""
+    scan = faces[1]
+    curve, again = pressed(scan), pressed(blurred_face(scan))
+    loss = [detail._loss_J(one.unloading(LOAD_N)) for one in (curve, again)]
+    stiffness = [detail._stiffnesses_N_per_m(one.unloading(LOAD_N)) for one in (curve, again)]
+    blur = _left_by_blur(curve, LOAD_N, curve.loaded_first_to(LOAD_N), PERIOD_M)
+    stiffer, more = (np.abs(np.log(one[0] / one[1])).max() for one in (stiffness, loss))
+    assert blur.effect.tangential_stiffness == pytest.approx(BLURRED_95[0] * stiffer, rel=0.15)
+    assert blur.effect.energy == pytest.approx(BLURRED_95[1] * more, rel=0.25)
+    assert blur.energy == (blur.effect.energy,) * len(detail.FORCE_SHARES)
+
+
+def test_the_energy_moves_so_many_times_as_much_as_the_stiffness_at_least(monkeypatch):
+    """What a blur moves of it may cross zero at each force that is looked at."""
+    curve = SimpleNamespace(solutions=None)
+    monkeypatch.setattr(map_accuracy, "_asked_of_smoother", lambda *_: ())
+    for energy, expected in ((0.01, OF_BLURRED * 0.1), (0.4, -np.log1p(-0.4))):
+        again = detail.Detail(Effect(1.0 - np.exp(-0.1), energy, energy))
+        monkeypatch.setattr(map_accuracy, "effect_of_blur", lambda *_, found=again: found)
+        effect = _left_by_blur(curve, LOAD_N, None, PERIOD_M).effect
+        assert effect.tangential_stiffness == pytest.approx(BLURRED_95[0] * 0.1)
+        assert effect.energy == pytest.approx(BLURRED_95[1] * expected)
+
+
+def test_of_round_tops_optics_take_nothing_and_nothing_is_said():
+    """A blur lowers a sphere, and leaves its curvature."""
+    curve = pressed(synthetic_surface(CAPS)[0])
+    without, said = error_of_map(curve, LOAD_N, TOLERANCE)
+    assert error_of_map(curve, LOAD_N, TOLERANCE, period_m=3.0 * PIXEL_M) == (without, said)
+    assert "resolution_decides" not in {one.code for one in said}
+
+
+def test_what_moves_less_than_the_tolerance_is_a_note_and_less_than_a_thousandth_none():
+    def said(stiffness, energy):
+        blur = detail.Detail(Effect(stiffness, energy, energy))
+        return [(one.severity, one.effect) for one in of_resolution(blur, TOLERANCE, 1e-6)]
+
+    assert said(0.9 * LEAST_MOVED, 0.9 * LEAST_MOVED) == []
+    ((severity, _),) = said(0.9 * TOLERANCE, 0.9 * TOLERANCE)
+    assert severity == "info"
+    ((severity, effect),) = said(1.1 * TOLERANCE, 0.01)
+    assert severity == "warning"
+    assert effect.tangential_stiffness == pytest.approx(np.expm1(1.1 * TOLERANCE))
+    ((severity, effect),) = said(0.01, 1.1 * TOLERANCE)
+    assert (severity, effect.energy) == ("warning", pytest.approx(np.expm1(1.1 * TOLERANCE)))
+
+
+def test_the_optics_are_those_of_the_settings():
+    given = load_settings(overrides=("instrument.lateral_period_limit_m=3um",))
+    assert asked_of_error(given, None)[-1] == pytest.approx(3e-6)
+    assert asked_of_error(load_settings(), None)[-1] is None
