@@ -88,8 +88,8 @@ def test_each_assumption_says_what_stands_in_what_it_moves_and_how_to_give_it():
         ("noise", "instrument.noise_m", "white, as heights change from pixel to pixel",
          "the stated error where the map", "--set instrument.noise_m=N_M", False),
         ("resolution", "instrument.lateral_period_limit_m", "that of the pixels",
-         "stiffness and energy where the map itself is pressed: a blur of the optics does, and is "
-         "not in the stated error", "--set instrument.lateral_period_limit_m=D_LIM", False),
+         "stiffness and energy: a blur of the optics does, and is not in the stated error",
+         "--set instrument.lateral_period_limit_m=D_LIM", False),
     ]  # fmt: skip
     found = [list(asdict(one).values()) for one in assumptions(load())]
     for one, (name, setting, value, moves, option, demonstrates) in zip(

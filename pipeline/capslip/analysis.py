@@ -11,6 +11,7 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.doubts import material_doubts, problems_of_pressure
 from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
+from capslip.contact.map_doubts import BLURRED
 from capslip.contact.press import ContactState
 from capslip.contact.rung import resolved_share, rung
 from capslip.contact.scans import joint_of_scans
@@ -272,13 +273,15 @@ def _open(problems: Sequence[Problem], of_map: bool) -> tuple[str, ...]:
     """Name the warnings whose effect no input of the interval holds: another face may be meant.
 
     Each once, whichever of several scans have it. And what filled points of a pressed map move,
-    however little, as nothing else says so.
+    however little, as nothing else says so. The error of a map holds what a blur of its optics
+    moves, that of caps does not.
     """
     codes = dict.fromkeys(
         one.code
         for one in problems
         if (one.severity == "warning" and one.effect is not None and not one.kind.in_interval)
         or (one.code == "points_filled" and of_map)
+        or (one.code == BLURRED and one.severity == "warning" and not of_map)
     )
     return tuple(f"what {code} moves" for code in codes)
 

@@ -19,7 +19,7 @@ from capslip.contact.doubts import (
     problems_of_waves,
 )
 from capslip.contact.effects import with_effects
-from capslip.contact.map_doubts import ASKED
+from capslip.contact.map_doubts import ASKED, BLUR, BLURRED
 from capslip.contact.plastic_law import with_law
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
@@ -118,6 +118,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
             surface, face.conditioned.with_form_as_turned(), contact.approach_m, settings
         ),
         *_of_fewer_points(contact, face.conditioned),
+        *_of_optics(contact, settings),
         *_of_floor(contact, found.surface, mate, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
@@ -342,6 +343,14 @@ def _of_fewer_points(contact: ContactState, conditioned: Conditioned) -> list[Pr
         return []
     measured = conditioned.measured_shape or conditioned.finest.shape
     return problems_of_fewer_points(conditioned.surface, conditioned.finer, measured)
+
+
+def _of_optics(contact: ContactState, settings: Settings) -> list[Problem]:
+    """Return that caps were fitted to a blurred map: its effect decides. Maps tell themselves."""
+    period_m = settings.instrument.lateral_period_limit_m
+    if period_m is None or contact.rung.made_from != "spheres":
+        return []
+    return [Problem(BLURRED, "warning", BLUR.format(period_m))]
 
 
 def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Problem]:

@@ -110,10 +110,7 @@ def _of_instrument(
     if settings.instrument.lateral_period_limit_m is None:
         key = "instrument.lateral_period_limit_m"
         value = "that of the pixels"
-        moves = (
-            "stiffness and energy where the map itself is pressed: a blur of the optics does, and "
-            "is not in the stated error"
-        )
+        moves = "stiffness and energy: a blur of the optics does, and is not in the stated error"
         found.append(("resolution", key, value, moves, f"--set {key}=D_LIM", False))
     return found
 

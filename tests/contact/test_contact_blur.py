@@ -6,16 +6,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from capslip.analysis import _open, analyze_once
 from capslip.contact import map_accuracy
 from capslip.contact.map_accuracy import BLURRED_95, OF_BLURRED, _left_by_blur, error_of_map
 from capslip.contact.map_doubts import LEAST_MOVED, of_resolution
 from capslip.contact.models import boundary_elements as bem
-from capslip.contact.rung import asked_of_error
+from capslip.contact.press import _by_detail
+from capslip.contact.rung import ModelError, asked_of_error
 from capslip.contact.solvers import detail
-from capslip.problems import Effect
+from capslip.contact.trials import FaceOfCaps, Trials
+from capslip.errors import ContactError
+from capslip.problems import Effect, Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
-from capslip.surface.filters import blurred
+from capslip.surface.filters import SIGMA_PER_NESTING_INDEX, blurred
 
 E_STAR_PA, TOLERANCE, LOAD_N, PIXEL_M = 110e9, 0.05, 120.0, 2e-4
 FINER = 3
@@ -135,3 +139,78 @@ def test_the_optics_are_those_of_the_settings():
     given = load_settings(overrides=("instrument.lateral_period_limit_m=3um",))
     assert asked_of_error(given, None)[-1] == pytest.approx(3e-6)
     assert asked_of_error(load_settings(), None)[-1] is None
+
+
+SHARP_AND_BLUNT = Scene(
+    (80, 120), (PIXEL_M, PIXEL_M),
+    caps=(
+        Cap(4e-3, 4e-3, 4.0, 3.04e-7), Cap(20e-3, 4e-3, 24.0, 3e-7), Cap(12e-3, 12e-3, 24.0, 3e-7),
+        Cap(5e-3, 12e-3, 4.0, 3.0e-7), Cap(19e-3, 12e-3, 8.0, 3e-7),
+    ),
+)  # fmt: skip
+
+
+def found(surface, *overrides):
+    words = ("contact.preload_N=10", "contact.model=interacting", *overrides)
+    return analyze_once(surface, load_settings(overrides=words))
+
+
+OPTICS = f"instrument.lateral_period_limit_m={PERIOD_M}"
+
+
+def test_a_cap_sinks_by_the_variance_of_a_blur_over_its_radius_which_stays():
+    scan = synthetic_surface(SHARP_AND_BLUNT)[0]
+    one = found(scan, OPTICS)
+    trials = Trials(FaceOfCaps(scan, one.settings), one.caps, one.caps, one.conditioned)
+    (moved,) = trials.of("resolution_decides")
+    of_caps = one.caps.usable
+    sunk_m = (one.caps.peak_height_m - moved.peak_height_m)[of_caps]
+    variance_m2 = (SIGMA_PER_NESTING_INDEX * PERIOD_M) ** 2
+    assert of_caps.sum() == 5
+    assert sunk_m == pytest.approx(variance_m2 / one.caps.radius_m[of_caps], rel=0.02)
+    assert moved.radius_m[of_caps] == pytest.approx(one.caps.radius_m[of_caps], rel=0.01)
+    unsaid = found(scan)
+    nobody = Trials(FaceOfCaps(scan, unsaid.settings), *(one.caps,) * 2, one.conditioned)
+    with pytest.raises(ContactError, match="no other map"):
+        list(nobody.of("resolution_decides"))
+
+
+def test_caps_say_what_the_optics_took_off_them():
+    """Sharp tops sink more than blunt ones: W is 11 % off, the stiffness by a thousandth."""
+    face = synthetic_surface(SHARP_AND_BLUNT)[0]
+    truth, scan = found(face), found(blurred_face(face), OPTICS)
+    (said,) = [one for one in scan.problems if one.code == "resolution_decides"]
+    stiffness, *energies = (
+        abs(read(scan.slip) / read(truth.slip) - 1.0)
+        for read in (
+            lambda slip: slip.tangential_stiffness_N_per_m,
+            *(
+                lambda slip, share=share: slip.energy_at_force_J(share * slip.total_slip_force_N)
+                for share in detail.FORCE_SHARES
+            ),
+        )
+    )
+    assert 0.0 < stiffness <= said.effect.tangential_stiffness
+    assert said.effect.energy == pytest.approx(max(energies), rel=0.2)
+    assert "(estimated with the caps)" in said.message
+    assert "resolution_decides" not in {one.code for one in found(blurred_face(face)).problems}
+    tiny = found(blurred_face(face), "instrument.lateral_period_limit_m=0.1um")
+    assert "resolution_decides" not in {one.code for one in tiny.problems}
+
+
+def test_caps_do_not_answer_for_a_map_because_both_are_blurred():
+    of_blur = Problem("resolution_decides", "warning", "")
+    of_detail = Problem("detail_decides", "warning", "")
+    errors = ModelError(0.05, 0.5, ((0.1, 0.5), (1.0, 0.4)), blur=(0.03, 0.3))
+    assert _by_detail(errors, (of_blur,)) == 0.0
+    assert _by_detail(errors, (of_blur, of_detail)) == pytest.approx(0.4)
+    less = errors.without_blur
+    assert (less.stiffness, less.energy, less.blur) == (pytest.approx(0.04), 0.4, (0.0, 0.0))
+    assert less.energy_at(1.0) == pytest.approx(np.sqrt(0.4**2 - 0.3**2))
+
+
+def test_an_interval_of_caps_names_what_the_optics_move_and_that_of_a_map_holds_it():
+    of_blur = Problem("resolution_decides", "warning", "", Effect(0.1, 0.1, 0.1))
+    assert _open([of_blur], of_map=False) == ("what resolution_decides moves",)
+    assert _open([of_blur], of_map=True) == ()
+    assert _open([replace(of_blur, severity="info")], of_map=False) == ()

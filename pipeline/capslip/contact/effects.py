@@ -10,7 +10,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import FORCE_SHARES, answers
-from capslip.contact.map_doubts import ASKED
+from capslip.contact.map_doubts import ASKED, BLURRED
 from capslip.contact.press import ContactState
 from capslip.contact.rung import Scene
 from capslip.contact.solvers.elastic_face import elastic_face
@@ -45,8 +45,9 @@ UNKNOWN = {
     COARSER: "more points have no answer",
     FILTERED: "the face with them has no answer",
     FORMED: "the caps or the map without it do not tell",
+    BLURRED: "caps with one more blur have no answer",
 }
-NOT_OF_THE_FACE = (FILTERED, FORMED)  # what was chosen, and no sign
+NOT_OF_THE_FACE = (FILTERED, FORMED, BLURRED)  # what was chosen or is of the optics, and no sign
 LEAST_MOVED = 1e-3  # less is not noted of what is no sign of the face itself
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
@@ -104,7 +105,8 @@ def with_effects(
     so far apart that this costs little, where these tell; removed points that may matter are put
     back; of one that was interpolated, the measured points alone are pressed, of one that was
     filled, fewer of them, of one that was resampled to fewer, more, and of one with a ripple, the
-    same without it.
+    same without it. Of optics that blur, what one more blur does to caps stands for what the first
+    has done.
     Within `contact.tolerance` it is information, and nothing below a thousandth where it is no sign
     of the face but a filter or the bow of the instrument. So are removed points information that
     stand off both ways, as errors do; else it is a warning. What moves the energy at smaller forces
@@ -172,7 +174,7 @@ def with_effects(
 
 
 def _is_nothing(code: str, moved: _Moved | None, face: FaceOfCaps) -> bool:
-    """Tell whether what was only given, a filter or the bow of an instrument, moves nothing."""
+    """Tell whether what was only given, a filter, a bow or a blur of the optics, moves nothing."""
     given = code == "bow_left" and known_flatness_m(face.surface, face.settings) is not None
     if moved is None or not (given or code in NOT_OF_THE_FACE):
         return False
@@ -383,6 +385,8 @@ def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bo
     if problem.code == "points_filled":
         filling = conditioned.surface.filling
         return filling is not None and filling.error_m > filled_m
+    if problem.code == BLURRED:
+        return problem.effect is None  # of a map that is pressed it is known
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
     others = problem.code in (*OF_THE_HEIGHTS, *OF_FEWER_POINTS, *OF_THE_MAP, *LEFT_OUT)

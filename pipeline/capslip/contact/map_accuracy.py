@@ -302,9 +302,10 @@ def _with_blur(errors: ModelError, blur: Detail | None) -> ModelError:
     by_share = tuple(
         (share, math.hypot(error, blur.energy_at(share))) for share, error in errors.energy_by_share
     )
-    stiffness = math.hypot(errors.stiffness, blur.effect.tangential_stiffness or 0.0)
-    greatest = max(error for _, error in by_share)
-    return replace(errors, stiffness=stiffness, energy=greatest, energy_by_share=by_share)
+    of_optics = blur.effect.tangential_stiffness or 0.0, blur.effect.energy or 0.0
+    stiffness = math.hypot(errors.stiffness, of_optics[0])
+    errors = replace(errors, stiffness=stiffness, energy=max(error for _, error in by_share))
+    return replace(errors, energy_by_share=by_share, blur=of_optics)
 
 
 def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> float:

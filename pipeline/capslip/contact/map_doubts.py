@@ -14,6 +14,7 @@ TELLS_NOISE = (
     "from detail"
 )
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
+BLURRED = "resolution_decides"
 BLUR = "the optics halve waves of {:.3g} m, and blur longer ones, too"
 LEAST_MOVED = 1e-3  # of stiffness and energy: less that the optics move is not noted
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
@@ -86,7 +87,7 @@ def of_resolution(blur: Detail, tolerance: float, period_m: float) -> list[Probl
     )
     moved = share_of(energy)
     effect = Effect(share_of(stiffness), moved, moved)
-    return [Problem("resolution_decides", severity, message, effect)]
+    return [Problem(BLURRED, severity, message, effect)]
 
 
 def doubted_of(detail: Detail) -> float:

@@ -16,7 +16,7 @@ from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, left_m, loaded_first
 from capslip.contact.lay import Lay
-from capslip.contact.map_doubts import ASKED
+from capslip.contact.map_doubts import ASKED, BLURRED
 from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene, asked_of_error, rung
 from capslip.contact.solvers.hertz import contact_radius_m
@@ -317,9 +317,10 @@ def press(  # long: one state, field by field
 def _ask_caps(doubts: tuple[Problem, ...]) -> bool:
     """Tell whether doubts about a pressed map are a reason to see whether its caps know better.
 
-    Small forces are none: caps that yield know less of them than pixels.
+    Small forces are none, as caps that yield know less of them than pixels; nor is a blur of both.
     """
-    return any(one.severity != "info" for one in doubts if one.code != "small_slip_extrapolated")
+    none = ("small_slip_extrapolated", BLURRED)
+    return any(one.severity != "info" for one in doubts if one.code not in none)
 
 
 def _curve(model: Rung, scene: Scene, moved: MovedCaps | None) -> NormalCurve:
@@ -349,11 +350,11 @@ def _eccentricity_m(found: Contacts, scene: Scene) -> tuple[float, float] | None
 def _by_detail(errors: ModelError | None, doubts: tuple[Problem, ...]) -> float:
     """Return the error of a map whose detail decides, 0 where it does not, or none is known.
 
-    Without that of its plastic law: caps leave as much of how they yield.
+    Without that of its plastic law and of its optics: caps leave as much of both.
     """
     if errors is None or not _ask_caps(doubts):
         return 0.0
-    return errors.without_law.greatest
+    return errors.without_law.without_blur.greatest
 
 
 def _by_caps(
@@ -365,8 +366,8 @@ def _by_caps(
 ) -> tuple[ContactState, CapTable]:
     """Return the face pressed by caps, whose fits average over what decides on the map itself.
 
-    What is said of the map is a note where caps are within the tolerance at all forces that are
-    asked for: as of the map, what moves the energy at smaller ones alone is no warning.
+    What is said of the map is a note where caps are within the tolerance at all forces asked for:
+    as of the map, what moves the energy at smaller ones alone is no warning.
     """
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
@@ -379,7 +380,7 @@ def _by_caps(
     effect = Effect(error, error, error)
     problems = [
         replace(one, message=one.message + said, effect=effect, severity=_noted(one, within))
-        for one in doubts
+        for one in (one for one in doubts if one.code != BLURRED)
     ]
     reason = (
         f"{choice.why}, but the map itself by {percent(error_of_map)}, as its finest detail "

@@ -115,6 +115,7 @@ class ModelError:
     energy_by_share: tuple[tuple[float, float], ...] = ()
     unknown_to: float = 0.0  # share of mu N, up to which the energy is anything in its rectangle
     law: "LawError | None" = None  # what a map that yields leaves beside all that; None: nothing
+    blur: tuple[float, float] = (0.0, 0.0)  # what the optics leave of stiffness and energy in these
     # What there is to say of them where a share of mu N is asked for; None: the same at any force
     doubts_at: Callable[[float], tuple[Problem, ...]] | None = field(
         default=None, compare=False, repr=False
@@ -137,6 +138,20 @@ class ModelError:
     def without_law(self) -> "ModelError":
         """The errors of the solution alone."""
         return replace(self, law=None)
+
+    @property
+    def without_blur(self) -> "ModelError":
+        """The errors less what the optics leave, which no other model of the same scan escapes."""
+        of_stiffness, of_energy = self.blur
+
+        def less(error: float, blur: float) -> float:
+            return math.sqrt(max(error**2 - blur**2, 0.0))
+
+        by_share = tuple((at, less(error, of_energy)) for at, error in self.energy_by_share)
+        stiffness, energy = less(self.stiffness, of_stiffness), less(self.energy, of_energy)
+        return replace(
+            self, stiffness=stiffness, energy=energy, energy_by_share=by_share, blur=(0.0, 0.0)
+        )
 
     def greatest_at(self, share: float) -> float:
         """Return the greater of the errors of stiffness and of the energy at a share of mu N."""

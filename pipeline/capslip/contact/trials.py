@@ -14,6 +14,7 @@ from capslip.contact.accuracy import MOST_WIDE, answers
 from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N, filled_outside
 from capslip.contact.doubts import ELASTIC_STRAIN, TWO_SIDED
+from capslip.contact.map_doubts import BLURRED
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
@@ -24,7 +25,7 @@ from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
-from capslip.surface.filters import long_waves_at
+from capslip.surface.filters import blurred, long_waves_at
 from capslip.surface.flatness import bows_m, degree_taken_off, known_flatness_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
@@ -55,6 +56,13 @@ class FaceOfCaps:
     finer: HeightMap | None = None  # the same map on more points, see `Conditioned`
     unfiltered: HeightMap | None = None  # the same with its long waves, see there
     with_form: HeightMap | None = None  # the same with its form
+
+    @cached_property
+    def blurred(self) -> HeightMap | None:
+        """The map as the optics would show it once more; None where nobody describes them."""
+        surface, period_m = self.surface, self.settings.instrument.lateral_period_limit_m
+        given = surface.height_m, surface.measured, surface.pixel_size_m
+        return None if period_m is None else replace(surface, height_m=blurred(*given, period_m))
 
     def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
         """Return the caps over the plane that balances them, and their curve with interaction."""
@@ -148,9 +156,11 @@ class Trials:
         elif code == "seams":
             yield from self._in_one_field()
         elif code == "long_waves_filtered":
-            yield self._as_before(self.face.unfiltered)
+            yield self._on(self.face.unfiltered)
         elif code == "form_taken_off":
-            yield self._as_before(self.face.with_form)
+            yield self._on(self.face.with_form)
+        elif code == BLURRED:
+            yield self._on(self.face.blurred)
         elif code in ("interpolated", "points_filled", "resampled_coarser", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
@@ -218,18 +228,18 @@ class Trials:
         for up_m in (levels_m(seams), tilts_m(seams)):
             yield caps.with_columns(peak_height_m=caps.peak_height_m - up_m[at])
 
-    def _as_before(self, other: HeightMap | None) -> CapTable:
-        """Return caps on what a filter or the form took off, as blunt as these waves make them.
+    def _on(self, other: HeightMap | None) -> CapTable:
+        """Return caps on another map of the same points, as blunt as what it has more makes them.
 
-        Not where a hill below the cut would touch as well on these.
+        Not where a hill below the cut would touch as well on it.
         """
         caps, surface = self.caps, self.face.surface
         if other is None:
-            raise ContactError("no long waves were taken off the map that was pressed")
+            raise ContactError("no other map")
         up_m, curvature_per_m = long_waves_at(surface, other, caps.x_m, caps.y_m)
         sharp = 1.0 - caps.radius_m * curvature_per_m
         if not (np.isfinite(up_m) & (sharp > 0.0))[caps.usable].all():
-            raise ContactError("nobody knows what a cap is with the long waves below its apex")
+            raise ContactError("nobody knows what a cap is with what the other map has more")
         sharp = np.where(caps.usable, sharp, 1.0)
         moved = caps.with_columns(
             peak_height_m=caps.peak_height_m + np.where(caps.usable, up_m, 0.0),
