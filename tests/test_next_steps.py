@@ -15,7 +15,7 @@ from capslip.contact.rung import rung
 from capslip.contact.solvers import polonsky_keer
 from capslip.contact.time_needed import boundary_elements_s, more_time
 from capslip.errors import BothFailError
-from capslip.next_steps import OF_THE_PARTS, PRESSED, with_next_steps
+from capslip.next_steps import OF_THE_LOAD, OF_THE_PARTS, PRESSED, with_next_steps
 from capslip.problems import KINDS, Problem
 from capslip.settings import load_settings
 from capslip.surface.heightmap import Origin
@@ -152,6 +152,32 @@ def test_a_failure_that_knows_its_step_keeps_it_and_so_do_those_that_ask_for_the
         ]
         asked = with_next_steps([failed], SimpleNamespace(is_scan=True), settings, None)
         assert [one.remedy for one in asked] == [own]
+
+
+@pytest.mark.parametrize("pressed", [None, "boundary_elements"])
+def test_under_a_load_that_no_joint_bears_and_nobody_gave_the_joint_comes_first(pressed):
+    """A yielding face, other units or more time are steps for a load that one has."""
+    others = ("not_spherical", "time_limit_reached")
+    loads = [
+        Problem(code, KINDS[code].severities[-1], "so", step="--set contact.time_limit_s=14")
+        for code in OF_THE_LOAD
+    ]
+    problems = [*loads, *(Problem(code, "warning", "so") for code in others)]
+    known = Problem("preload_of_demonstration", "warning", "so")
+    answers = None if pressed is None else rung(pressed)
+
+    def found(given):
+        joint = SimpleNamespace(is_scan=True)
+        return with_next_steps(given, joint, load_settings(), answers)
+
+    (first, *rest), without = found([known, *problems]), found(problems)
+    assert "--area" in first.remedy
+    assert "--pressure" in first.remedy
+    assert {one.remedy for one in rest[: len(loads)]} == {first.remedy}
+    assert [one.remedy for one in rest[len(loads) :]] == [
+        one.remedy for one in without[len(loads) :]
+    ]
+    assert not any("--area" in one.remedy for one in without)
 
 
 def rough_face():

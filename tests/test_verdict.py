@@ -319,7 +319,9 @@ def test_the_verdict_names_the_cause_that_the_page_lists_first():
     )
 
 
-@pytest.mark.parametrize("code", ["scale_suspect", "tips_over", "not_balanced"])
+@pytest.mark.parametrize(
+    "code", ["scale_suspect", "tips_over", "not_balanced", "preload_of_demonstration"]
+)
 def test_what_spoils_every_number_leads_the_verdict_before_what_moves_some(code):
     moves = Problem("bow_left", "warning", "moves much", Effect(0.5, 3.0, None))
     problems = [moves, Problem(code, "warning", "another face")]

@@ -15,6 +15,7 @@ from capslip.contact.doubts import (
     problems_of_first_touch,
     problems_of_floor,
     problems_of_hidden_tops,
+    problems_of_preload,
     problems_of_share,
     problems_of_waves,
 )
@@ -268,6 +269,7 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
     for scan, tops in zip(scans, face.conditioned.tops_of_scans, strict=True):
         problems += _of_reader(scan)
         problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
+    problems += problems_of_preload(face.joint, found.settings)
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
     problems += problems_of_settings(found.settings, scanned=True, mated=mate is not None)

@@ -18,6 +18,8 @@ LEFT_BY_RULE = "Look at figures/height_map.png: points that stand alone are remo
 TAKE_ANOTHER = (
     "--model auto, which looks for one that carries it; or check the load, --area and units."
 )
+# Of a load that nobody gave and no joint bears: any other step is for a load that one has
+OF_THE_LOAD = ("pressure_beyond_elastic", "contact_failed", "face_closes")
 # Where the joint is larger than its scan, whose bulk is not that of the joint, see `joint_of`
 OF_THE_PARTS = {
     "bulk_dominates": "Take the stiffness of the parts as the joint's: the face adds next to none.",
@@ -56,6 +58,10 @@ def with_next_steps(
         found = [_without_the_map(one, instead) for one in found]
     if not joint.is_scan:
         found = [replace(one, step=OF_THE_PARTS.get(one.code, one.step)) for one in found]
+    nobodys = [one for one in problems if one.code == "preload_of_demonstration"]
+    if nobodys:
+        step = nobodys[0].remedy
+        found = [replace(one, step=step) if one.code in OF_THE_LOAD else one for one in found]
     return tuple(found)
 
 

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from capslip.contact.joint import is_loaded
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.stiffness import is_given, structure_name
@@ -43,12 +44,10 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
-    loaded = mapped or contact.nominal_pressure_Pa is not None
-    loaded = loaded or settings.families.approach_m is not None
     E_Pa, nu = material.youngs_modulus_Pa, material.poisson_ratio
     E = " and ".join(dict.fromkeys(f"{one / 1e9:g} GPa" for one in E_Pa))
     found = []
-    if not loaded and not settings.is_given("contact.preload_N"):
+    if not is_loaded(settings):
         value, moves = f"{contact.preload_N:g} N", "every number of contact, slip and damping"
         found.append(("preload", "contact.preload_N", value, moves, "--preload N", True))
     if not settings.is_given("material.youngs_modulus_Pa"):

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 import capslip
 from capslip.analysis import analyze_once
 from capslip.compare.model import load_model
+from capslip.contact.doubts import problems_of_preload
 from capslip.contact.joint import Joint, curve_of_joint, joint_of
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
@@ -19,7 +20,9 @@ from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.slip import slip_curve
 from capslip.contact.uneven_accuracy import problems_of_levels
 from capslip.errors import ContactError, SettingsError
+from capslip.settings import load_settings
 from capslip.structure import band_state
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 MU, KAPPA = 0.2, 1.2143
@@ -499,3 +502,36 @@ def test_an_uneven_joint_is_given_up_to_total_slip_and_there():
     )
     beyond = slip.energy_J([total_m, 1.5 * total_m])
     assert np.diff(beyond) == pytest.approx(4 * MU * 340.0 * 0.5 * total_m, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((), True),
+        (("joint.area_m2=9.1e-6",), True),
+        (("joint.area_m2=9.3e-6",), False),
+        (("contact.preload_N=460",), False),
+        (("contact.nominal_pressure_Pa=4e8",), False),
+    ],
+)
+def test_a_load_that_nobody_gave_and_no_joint_bears_is_said(given, said):
+    """460 N on a field of view of 1 mm2; 50 MPa of it are 9.2 mm2."""
+    face, settings = field_of_view(1e-3), load_settings(overrides=given)
+    found = problems_of_preload(joint_of(settings, face), settings)
+    assert [one.code for one in found] == said * ["preload_of_demonstration"]
+    if found:
+        of = "9.1e-06 m2 of the joint" if given else "1e-06 m2 of the scan"
+        assert f"460 N of the demonstration on the {of} are " in found[0].message
+
+
+def test_a_field_of_view_too_small_for_the_load_of_the_demonstration_asks_for_the_joint():
+    face = field_of_view(1e-6)
+    with pytest.raises(SettingsError, match="nobody gave the load, and the 460 N of the demonstra"):
+        joint_of(load_settings(), face)
+    with pytest.raises(SettingsError, match="far below the modulus; look at the units"):
+        joint_of(load_settings(overrides=("contact.preload_N=460",)), face)
+
+
+def field_of_view(side_m):
+    rows, columns = np.indices((20, 20))
+    return HeightMap(1e-9 * np.hypot(rows, columns), (side_m / 20, side_m / 20))

@@ -9,7 +9,7 @@ from capslip.caps.families import Families
 from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
-from capslip.contact.joint import Joint
+from capslip.contact.joint import BEYOND_JOINTS_PA, Joint, is_loaded
 from capslip.contact.material import dundurs_beta
 from capslip.contact.part_of_joint import WHOLE, few_contacts
 from capslip.contact.press import ContactState
@@ -18,7 +18,7 @@ from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
 from capslip.contact.uneven_accuracy import by_energy
 from capslip.materials import MATERIALS
 from capslip.problems import Effect, Problem
-from capslip.settings import Conditioning, Material
+from capslip.settings import Conditioning, Material, Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
 from capslip.surface.tops import floor_points
@@ -59,6 +59,25 @@ def material_doubts(material: Material) -> list[Problem]:
         )
         found.append(Problem("friction_suspect", "warning", message))
     return found
+
+
+def problems_of_preload(joint: Joint, settings: Settings) -> list[Problem]:
+    """Return whether a load that nobody gave presses the joint as none is pressed.
+
+    A field of view of a millimetre under a load that would suit a whole face: none of the numbers
+    is that of a joint.
+    """
+    pressure_Pa = joint.nominal_pressure_Pa
+    if is_loaded(settings) or pressure_Pa is None or pressure_Pa <= BEYOND_JOINTS_PA:
+        return []
+    of = "scan" if joint.is_scan else "joint"
+    message = (
+        f"nobody gave the load: the {joint.preload_N:g} N of the demonstration on the "
+        f"{joint.area_m2:.3g} m2 of the {of} are {pressure_Pa:.3g} Pa, more than the "
+        f"{BEYOND_JOINTS_PA:.2g} Pa that faces of joints bear; a scan is a part of its joint, and "
+        "carries its share of the load alone"
+    )
+    return [Problem("preload_of_demonstration", "warning", message)]
 
 
 def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:

@@ -20,11 +20,13 @@ from capslip.contact.solvers.elastic_face import MOST_PRESSURE
 from capslip.contact.time_needed import boundary_elements_s
 from capslip.contact.uneven import PatchedCurve, scaled_between, seen, side_by_side, standing_for
 from capslip.errors import ContactError, SettingsError
-from capslip.settings import Material, Settings
+from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
 # Pressures, of a model that solves each of them on the map; and the fewest, where time is short
 MAX_SOLVED, FEWEST_SOLVED = 8, 2
+# Nominal, that the faces of a joint hardly bear: those under a bolt bear some 20 MPa
+BEYOND_JOINTS_PA = 50e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,18 +241,32 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
             "contact.bulk: got true with a joint that is larger than its scan; the bulk sinking of "
             "the scan is not that of the joint; leave it to the structure (contact.bulk = false)"
         )
-    _check_pressure(scan_load_N / scan_m2, settings.material)
+    _check_pressure(scan_load_N / scan_m2, settings)
     return found
 
 
-def _check_pressure(pressure_Pa: float, material: Material) -> None:
+def is_loaded(settings: Settings) -> bool:
+    """Tell whether somebody gave the load of the joint; else it is that of the demonstration."""
+    contact = settings.contact
+    if settings.joint.pressure_map is not None or contact.nominal_pressure_Pa is not None:
+        return True
+    return settings.families.approach_m is not None or settings.is_given("contact.preload_N")
+
+
+def _check_pressure(pressure_Pa: float, settings: Settings) -> None:
     """Refuse a mean pressure on the scan that no solid of such a modulus can be under."""
+    material = settings.material
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
     if not pressure_Pa <= MOST_PRESSURE * E_star_Pa:
+        nobodys = (
+            f"nobody gave the load, and the {settings.contact.preload_N:g} N of the demonstration "
+            "are too much for so small a scan: give --area and --pressure of the joint; else "
+        )
+        nobodys = "" if is_loaded(settings) else nobodys
         raise SettingsError(
             f"load out of range: got {pressure_Pa:.3g} Pa on the scan with a modulus E* "
-            f"of {E_star_Pa:.3g} Pa; expected a pressure far below the modulus; look at the units "
-            "of the scan, the load, joint.area_m2 and material.youngs_modulus_Pa"
+            f"of {E_star_Pa:.3g} Pa; expected a pressure far below the modulus; {nobodys}look at "
+            "the units of the scan, the load, joint.area_m2 and material.youngs_modulus_Pa"
         )
 
 
