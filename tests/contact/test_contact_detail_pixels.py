@@ -89,7 +89,7 @@ def test_a_map_that_lies_another_way_is_thinned_to_the_same(monkeypatch):
     monkeypatch.setattr(
         detail, "_below", lambda one, *_: (None, loss_J * (1.0 + 1e6 * one.depth_m.mean()))
     )
-    unloading = SimpleNamespace(load_N=LOAD_N, refinement=1)
+    unloading = SimpleNamespace(load_N=LOAD_N, refinement=1, cut_short=False)
 
     def effect(turn):
         maps = {name: turn(getattr(face, name)) for name in ("depth_m", "measured")}

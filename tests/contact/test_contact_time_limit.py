@@ -11,7 +11,15 @@ from scipy.ndimage import gaussian_filter
 from capslip import analyze, load_settings
 from capslip.contact import map_accuracy, map_curve
 from capslip.contact.models import boundary_elements as model
-from capslip.contact.solvers import path, polonsky_keer, rough_inverse, solutions, steps, unloading
+from capslip.contact.solvers import (
+    detail,
+    path,
+    polonsky_keer,
+    rough_inverse,
+    solutions,
+    steps,
+    unloading,
+)
 from capslip.contact.solvers.closing import GivenLoad, GivenResultant
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.tilting import press_balanced
@@ -246,7 +254,52 @@ def test_a_curve_that_is_cut_short_has_an_error_that_holds(seed):
     assert (np.abs(found_J / truth_J - 1) < errors.energy).all()
     assert {p.code for p in said} <= {"loss_between_loads"}
     assert all("time_limit_s" in p.remedy for p in said)  # more time helps
-    assert "time_limit_reached" in {p.code for p in short.problems(LOAD_N)}
+    (late,) = (p for p in short.problems(LOAD_N) if p.code == "time_limit_reached")
+    assert late.message.endswith("and what the finest detail of the map decides is not known")
+
+
+@pytest.mark.parametrize(("limit_s", "spent_s"), [(32.0, 16.0), (1e3, None)])
+def test_the_half_that_loads_leave_is_for_what_detail_decides(monkeypatch, limit_s, spent_s):
+    """It was said to be over when half of it was, and nobody looked at the detail."""
+    now = working(monkeypatch, 10.0, 1.0)
+    monkeypatch.setattr(solutions, "thread_time", lambda: now[0])
+    ends, path_at = [], detail.path_at
+
+    def seen(*given, until_s, **more):
+        ends.append(until_s)
+        return path_at(*given, until_s=until_s, **more)
+
+    monkeypatch.setattr(detail, "path_at", seen)
+    curve = model.boundary_elements(wavy(), E, time_limit_s=limit_s)
+    errors, said = model.RUNG.error(curve, LOAD_N, 0.05)
+    assert curve.unloading(LOAD_N).cut_short == (spent_s is not None)
+    assert ends  # the map without its detail was unloaded, too
+    assert errors.doubts_at is not None
+    assert "time_limit_reached" not in {p.code for p in said}
+    late = [p for p in curve.problems(LOAD_N) if p.code == "time_limit_reached"]
+    if spent_s is None:
+        assert not late
+        assert ends == len(ends) * [np.inf]
+        return
+    (one,) = late
+    assert one.message.startswith("16 s of the 32 s of contact.time_limit_s were spent after 6 lo")
+    assert "detail" not in one.message
+    assert all(end_s - thread_time() <= limit_s - spent_s for end_s in ends)
+
+
+def test_detail_for_which_the_half_that_is_left_is_too_short_is_said(monkeypatch):
+    now = working(monkeypatch, 10.0, 1.0)
+    monkeypatch.setattr(solutions, "thread_time", lambda: now[0])
+
+    def late(*given, until_s, **more):
+        raise OutOfTimeError("late")
+
+    monkeypatch.setattr(detail, "path_at", late)
+    curve = model.boundary_elements(wavy(), E, time_limit_s=32.0)
+    errors, said = model.RUNG.error(curve, LOAD_N, 0.05)
+    (one,) = (p for p in said if p.code == "time_limit_reached")
+    assert one.message.startswith("32 s of contact.time_limit_s were over before the map was press")
+    assert errors.energy >= curve.unloading(LOAD_N).loss_error
 
 
 def test_where_there_was_time_for_all_loads_more_of_it_is_no_advice():

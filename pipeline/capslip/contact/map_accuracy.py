@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from time import thread_time
 from types import MappingProxyType
 
 import numpy as np
@@ -28,6 +29,7 @@ from capslip.contact.solvers.detail import (
     effect_of_pixels,
     effect_of_refinement,
     effect_of_spline,
+    until,
 )
 from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise
 from capslip.contact.solvers.noise import (
@@ -205,7 +207,7 @@ def error_of_map(
         if (most := missed[ASKED]) > tolerance:
             found.append(_mate_coarse(first.face, noise_m, most))
     of_both = math.hypot(*causes.at(SMALL_SLIP))
-    if unloading.cut_short:  # no time is left to look at what detail decides
+    if curve.solutions.leaves_none(unloading):
         return _with_pixels(causes, max(least, of_both), least), tuple(found)
     try:
         with curve.solutions.counted(load_N):
@@ -254,12 +256,15 @@ def _pressed_again(
     """Return what the finest detail does, and what coarser pixels move, by shares of mu N."""
     solutions, unloading = curve.solutions, curve.unloading(load_N)
     face, pressed, tolerance = solutions.face, curve.pressed(load_N), solutions.tolerance
+    begun_s = thread_time()
     detail = effect_of_detail(first, *_asked_of_smoother(curve, load_N))
     changes: dict[float, float] = {}
     if unloading.refinement > 1:
-        each = [effect_of_refinement(face, pressed, unloading, tolerance)]
+        until_s = until(unloading, solutions.left_s(load_N) - (thread_time() - begun_s))
+        given = (face, pressed, unloading, tolerance, until_s)
+        each = [effect_of_refinement(*given)]
         if unloading.spline == "fifth":
-            each.append(effect_of_spline(face, pressed, unloading, tolerance))
+            each.append(effect_of_spline(*given))
         changes = {at: max(one.get(at, 0.0) for one in each) for at in FORCE_SHARES}
     elif face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
         left_s = solutions.left_s(load_N)

@@ -233,11 +233,12 @@ class BoundaryElementCurve:
         if unloading.cut_short:
             off = unloading.loss_error
             message = (
-                f"{self.solutions.time_limit_s:g} s of contact.time_limit_s were over after "
-                f"{len(unloading.solved_load_N) - 1} loads below the preload: between them the "
-                f"energy per cycle may be off by {off:.1%}, and what the finest detail of the map "
-                "decides is not known"
+                f"{unloading.spent_s:.2g} s of the {self.solutions.time_limit_s:g} s of "
+                f"contact.time_limit_s were spent after {len(unloading.solved_load_N) - 1} loads "
+                f"below the preload: between them the energy per cycle may be off by {off:.1%}"
             )
+            if self.solutions.leaves_none(unloading):
+                message += ", and what the finest detail of the map decides is not known"
             more = more_time(self.solutions.face.depth_m.shape, self.solutions.time_limit_s)
             effect = Effect(None, off, off)
             found.append(Problem("time_limit_reached", "warning", message, effect, more))

@@ -179,13 +179,22 @@ def _effect_of(
         time_limit_s=left_s,
     )
     again = replace(again, turns=first.turns)
-    stiffness_N_per_m, loss_J = _below(smooth, again, tolerance, unloading.refinement)
+    until_s = until(unloading, time_limit_s - (thread_time() - begun_s))
+    stiffness_N_per_m, loss_J = _below(smooth, again, tolerance, unloading.refinement, until_s)
     before = _stiffnesses_N_per_m(unloading)
     stiffness = (_alone_N_per_m(one, bulk_m_per_N) for one in (before, stiffness_N_per_m))
     stiffer = float(_relative(*stiffness).max())
     energy = _relative(_loss_J(unloading), loss_J).tolist()
     more = max(energy)
     return Detail(Effect(stiffer, more, more), energy=tuple(energy))
+
+
+def until(unloading: Unloading, left_s: float) -> float:
+    """Return when solutions below the preload are given up, by `thread_time`.
+
+    Never where all loads below it were solved in their half of the time: these are far fewer.
+    """
+    return thread_time() + left_s if unloading.cut_short else math.inf
 
 
 def effect_of_pixels(
@@ -246,14 +255,19 @@ def effect_of_pixels(
             raise
         except ContactError:
             return {}
-        _, loss_J = _below(face, replace(pressed, turns=first.turns), tolerance, most)
+        until_s = until(unloading, time_limit_s - (thread_time() - begun_s))
+        _, loss_J = _below(face, replace(pressed, turns=first.turns), tolerance, most, until_s)
         moved.append(_relative(_loss_J(unloading), loss_J))
     energy = np.sqrt(np.mean(np.square(moved), axis=0))
     return dict(zip(FORCE_SHARES, energy.tolist(), strict=True))
 
 
 def effect_of_refinement(
-    face: ElasticFace, pressed: Pressed, unloading: Unloading, tolerance: float
+    face: ElasticFace,
+    pressed: Pressed,
+    unloading: Unloading,
+    tolerance: float,
+    until_s: float = math.inf,
 ) -> dict[float, float]:
     """Return by how much the energy at small forces moves on coarser refinements.
 
@@ -274,6 +288,8 @@ def effect_of_refinement(
         What happened below the preload, on a refinement of two or more.
     tolerance : float
         Of each solution, see `press`.
+    until_s : float
+        When a solution is given up, by `thread_time`.
 
     Returns
     -------
@@ -288,7 +304,7 @@ def effect_of_refinement(
         (FORCE_SHARES, {half}, _FLATS_95) if flats else (FEW_SLIP, {finest - 1, half}, 1.0)
     )
     for coarser in points:
-        path, _ = path_at(face, pressed, tolerance, shares, most=coarser)
+        path, _ = path_at(face, pressed, tolerance, shares, most=coarser, until_s=until_s)
         loss_J = np.array([node.region_loss_J.sum() for node in path.nodes])
         moved.append(_relative(_loss_J(unloading, shares), loss_J))
     energy = factor * np.sqrt(np.mean(np.square(moved), axis=0))
@@ -296,7 +312,11 @@ def effect_of_refinement(
 
 
 def effect_of_spline(
-    face: ElasticFace, pressed: Pressed, unloading: Unloading, tolerance: float
+    face: ElasticFace,
+    pressed: Pressed,
+    unloading: Unloading,
+    tolerance: float,
+    until_s: float = math.inf,
 ) -> dict[float, float]:
     """Return by how much the energy moves with another guess at what lies between the pixels.
 
@@ -312,7 +332,8 @@ def effect_of_spline(
         Change over the greater of both values, by shares of mu N.
     """
     most = unloading.refinement
-    path, _ = path_at(face, pressed, tolerance, FORCE_SHARES, most=most, other=True)
+    given = (face, pressed, tolerance, FORCE_SHARES)
+    path, _ = path_at(*given, most=most, until_s=until_s, other=True)
     loss_J = np.array([node.region_loss_J.sum() for node in path.nodes])
     moved = _relative(_loss_J(unloading), loss_J).tolist()
     return dict(zip(FORCE_SHARES, moved, strict=True))
@@ -335,12 +356,12 @@ def _thinned(face: ElasticFace, every_other: tuple[slice, slice]) -> ElasticFace
 
 
 def _below(
-    face: ElasticFace, pressed: Pressed, tolerance: float, most: float
+    face: ElasticFace, pressed: Pressed, tolerance: float, most: float, until_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what is compared of a face after its first load, from the loads that takes alone."""
     if not math.isinf(face.hardness_Pa):
         face, pressed = first_loading(face, pressed)
-    path, _ = path_at(face, pressed, tolerance, FORCE_SHARES, most=most)
+    path, _ = path_at(face, pressed, tolerance, FORCE_SHARES, most=most, until_s=until_s)
     secant = [
         share * pressed.load_N / node.withdrawal_m
         for share, node in zip(FORCE_SHARES, path.nodes, strict=True)

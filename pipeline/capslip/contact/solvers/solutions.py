@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from time import thread_time
 
@@ -47,6 +47,10 @@ class Solutions:
     def left_s(self, load_N: float) -> float:
         """Return the seconds of the time limit that are left for a preload."""
         return max(self.time_limit_s - self.spent_s.get(load_N, 0.0), 0.0)
+
+    def leaves_none(self, unloading: Unloading) -> bool:
+        """Tell whether the loads below a preload, cut short, left no time for its detail."""
+        return unloading.cut_short and unloading.spent_s >= self.time_limit_s
 
     @contextmanager
     def counted(self, load_N: float) -> Iterator[None]:
@@ -144,7 +148,7 @@ class Solutions:
         """Return what happens below a load."""
         if load_N not in self.unloading:
             pressed = self.press(load_N)
-            # The other half is for what detail decides, see `_error`
+            # The other half is for what detail decides, see `error_of_map`
             half_s = 0.5 * self.left_s(load_N)
             known, around = self.around or (None, None)
             with self.counted(load_N):
@@ -161,6 +165,7 @@ class Solutions:
                 )
             if around is not None and around.cost > _SMALL:
                 self.around = self.alone = None
+            found = replace(found, spent_s=self.spent_s[load_N])
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
             self.approach_m = dict(pairs) | self.approach_m

@@ -67,6 +67,7 @@ class Unloading:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
     cut_short: bool = False  # whether the time was over before the loss was settled
+    spent_s: float = 0.0  # of the processor for the preload, with what came before
     unknown_to_N: float = 0.0  # load drop up to which nothing is known of the loss but its bounds
     # Load drops, growing, and what pixels leave in the loss at each, relative, shape (2, k)
     of_pixels: np.ndarray = field(default_factory=lambda: np.ones((2, 1)))
