@@ -471,7 +471,7 @@ ROWS = [
     Row("face_closes", "warning", "85% of the face", "coarse in-time N=10000", "coarse in-time"),
     Row("bulk_dominates", "warning", "each 2% of it", "coarser levelled in-time N=2600",
         "coarser levelled in-time"),
-    Row("bulk_kept", "warning", "approach of 7.29e-06", "plain levelled plastics",
+    Row("bulk_kept", "warning", "108% of it under 460 N", "plain levelled plastics",
         "plain levelled plastics with-bulk"),
     Row("model_doubtful", "warning", "about 24 %, more than 5 %", "plain alone in-whole",
         "plain in-whole"),

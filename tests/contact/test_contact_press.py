@@ -13,9 +13,11 @@ from capslip.caps.families import group_families
 from capslip.contact import choice as module
 from capslip.contact.press import press
 from capslip.errors import ContactError, SettingsError
+from capslip.problems import Effect, Problem
 from capslip.studies.faces.synthetic import synthetic_surface
 from capslip.studies.limits.tries import harmless_faces
 from capslip.surface.heightmap import HeightMap
+from capslip.verdict import verdict
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 2e-4)
@@ -82,12 +84,22 @@ def test_where_interacting_caps_fail_the_error_of_a_lower_rung_is_not_known(monk
 SPREAD = [(2e-3 + 4e-3 * i, 2e-3 + 4e-3 * j, 2.0, 0.0) for i in range(15) for j in range(10)]
 
 
+def of_bulk(analysis):
+    (found,) = (one for one in analysis.problems if one.code == "bulk_kept")
+    return found
+
+
 def test_a_bulk_term_that_the_greatest_load_of_a_cycle_leaves_nothing_of_is_kept():
     given = ("contact.preload_N=11000", "contact.model=interacting")
     constant = run(*given, caps=SPREAD, by=analyze_once)
     assert not constant.contact.bulk
     varied = run(*given, "slip.normal_amplitude_ratio=0.5", caps=SPREAD, by=analyze_once)
-    assert "bulk_kept" in messages(varied)
+    kept = of_bulk(varied)
+    assert varied.contact.approach_m > varied.contact.bulk_m
+    assert "approach" not in kept.message  # that is not what fails
+    # 1.5 times the load is 1.5^(1/3) times as stiff where contacts feel little of each other
+    of_mean = varied.contact.bulk_m / 11000 * varied.contact.stiffness_N_per_m
+    assert 1.0 <= kept.effect.tangential_stiffness < 1.5 ** (1 / 3) * of_mean
     assert math.isfinite(varied.summary()["slip"]["total_slip_displacement_m"])
 
 
@@ -95,7 +107,14 @@ def test_a_bulk_term_that_cannot_be_taken_out_is_said():
     given = ("contact.preload_N=60000", "contact.model=interacting")
     kept = run(*given, caps=SPREAD, by=analyze_once)
     assert kept.contact.bulk
-    assert "bulk_kept" in messages(kept)
+    said = of_bulk(kept)
+    share = kept.contact.bulk_m / 60000 * kept.contact.stiffness_N_per_m
+    assert share > 1.0
+    assert said.effect == Effect(pytest.approx(share), None, pytest.approx(share))
+    assert f"which is {share:.0%} of it under 6e+04 N; nor of the approach: " in said.message
+    small = Problem("bow_left", "warning", "said", Effect(0.5, 0.9, 0.9))
+    leads = verdict(kept.settings, [small, said], None)
+    assert "usable with care as an order of magnitude: nothing would be left of the comp" in leads
     assert kept.contact.approach_m < kept.contact.bulk_m
     assert kept.summary()["contact"]["approach_without_bulk_m"] is None
     asked = run(*given, "contact.bulk=true", caps=SPREAD, by=analyze_once)

@@ -12,11 +12,12 @@ from capslip.contact.lay import Energies, energies_of_map
 from capslip.contact.material import check_modulus
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.errors import ContactError, SettingsError
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import disc_within_m, outside_as_made
 
 _MOST_SLIP = 0.75  # of mu N, up to which errors count
+MOSTLY_BULK, BULK_ERROR = 0.9, 0.02  # share of the compliance; error that any bulk may have
 _BLOCKS = 64  # along the longer side of an outline
 # An analysis asks dozens of times for the same face, and a law for it at a hundred levels
 _known: WeakKeyDictionary[HeightMap | ElasticFace, Energies] = WeakKeyDictionary()
@@ -213,3 +214,57 @@ def share_of_contact(
     rest = 1.0 - kept_m_per_N * drop_N / float(curve.withdrawal_m(approach_m, drop_N))
     of_own = float(curve.stiffness_N_per_m(approach_m)) / own_N_per_m
     return min(max(rest, of_own), 1.0)
+
+
+def problems_of_bulk(
+    bulk_m_per_N: float, curve: NormalCurve, preload_N: float, greatest: float, kept: bool
+) -> list[Problem]:
+    """Return whether the bulk could not be taken off, or what is left is a small difference.
+
+    Parameters
+    ----------
+    bulk_m_per_N : float
+        Compliance of the bulk.
+    curve : NormalCurve
+        As slip uses it: what `without_bulk` found.
+    preload_N : float
+    greatest : float
+        Times the preload, to which a load that oscillates goes: what is left there counts.
+    kept : bool
+        Whether that curve holds the bulk.
+    """
+    if kept:
+        return [_bulk_kept(bulk_m_per_N, curve, greatest * preload_N)]
+    rest_m_per_N = 1.0 / float(curve.stiffness_N_per_m(curve.approach_m(preload_N)))
+    share = bulk_m_per_N / (bulk_m_per_N + rest_m_per_N)
+    if share <= MOSTLY_BULK:
+        return []
+    moved = BULK_ERROR * share / (1.0 - share)
+    message = (
+        f"{share:.0%} of the compliance is the bulk's, which is taken off: what is left moves by "
+        f"{moved:.0%} with each {BULK_ERROR:.0%} of it, and no block is quite a half-space"
+    )
+    return [Problem("bulk_dominates", "warning", message, Effect(moved, None, moved))]
+
+
+def _bulk_kept(bulk_m_per_N: float, curve: NormalCurve, load_N: float) -> Problem:
+    """Return why nothing would be left without the bulk, and how much of the compliance it is.
+
+    That is what fails, where the approach is greater than the sinking of the bulk as well: the
+    face becomes stiffer while it closes, the bulk does not.
+    """
+    approach_m = float(curve.approach_m(load_N))
+    stiffness_N_per_m, bulk_m = float(curve.stiffness_N_per_m(approach_m)), bulk_m_per_N * load_N
+    share = bulk_m_per_N * stiffness_N_per_m
+    message = (
+        "nothing would be left of the compliance without the bulk sinking of the half-space, "
+        f"which is {share:.0%} of it under {load_N:.4g} N"
+    )
+    if approach_m <= bulk_m:
+        message += f"; nor of the approach: {bulk_m:.3g} m of {approach_m:.3g} m are the bulk's"
+    message += (
+        "; the contact is spread over the face, or lies near its edges; the bulk was kept, so "
+        "stiffness and displacement are those of the half-space under the scan rather than of the "
+        "contact"
+    )
+    return Problem("bulk_kept", "warning", message, Effect(share, None, share))

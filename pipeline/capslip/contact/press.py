@@ -11,7 +11,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import MovedCaps
-from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, problems_of_bulk, without_bulk
 from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, left_m, loaded_first
@@ -27,7 +27,6 @@ from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.units import percent
 
-MOSTLY_BULK, BULK_ERROR = 0.9, 0.02  # share of the compliance; error that any bulk may have
 CLOSING = 0.25  # of the face in contact: metals carry their hardness long before
 FULL = 1.0 - 1e-6  # of the measured face in contact: no gap is left for a model of contact
 
@@ -272,7 +271,7 @@ def press(  # long: one state, field by field
         bulk_m, greatest = bulk_m_per_N * preload_N, greatest_over_mean(settings.slip)
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, greatest * preload_N)
-            problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
+            problems += problems_of_bulk(bulk_m_per_N, curve, preload_N, greatest, kept=bulk)
     problems += problems_of_closing(found, surface.measured_area_m2)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
@@ -466,36 +465,3 @@ def problems_of_closing(found: Contacts, face_m2: float) -> list[Problem]:
         "rests on its tops, as under far too great a load or with heights or pixels in a wrong unit"
     )
     return [Problem("face_closes", "warning", message)]
-
-
-def _of_bulk(
-    bulk_m: float,
-    approach_m: float,
-    bulk_m_per_N: float,
-    curve: NormalCurve,
-    preload_N: float,
-    kept: bool,
-) -> list[Problem]:
-    """Return whether the bulk could not be taken off, or what is left is a small difference."""
-    if kept:
-        return [_bulk_kept(bulk_m, approach_m)]
-    rest_m_per_N = 1.0 / float(curve.stiffness_N_per_m(curve.approach_m(preload_N)))
-    share = bulk_m_per_N / (bulk_m_per_N + rest_m_per_N)
-    if share <= MOSTLY_BULK:
-        return []
-    moved = BULK_ERROR * share / (1.0 - share)
-    message = (
-        f"{share:.0%} of the compliance is the bulk's, which is taken off: what is left moves by "
-        f"{moved:.0%} with each {BULK_ERROR:.0%} of it, and no block is quite a half-space"
-    )
-    return [Problem("bulk_dominates", "warning", message, Effect(moved, None, moved))]
-
-
-def _bulk_kept(bulk_m: float, approach_m: float) -> Problem:
-    message = (
-        f"the bulk sinking of the half-space, {bulk_m:.3g} m, cannot be taken off the approach of "
-        f"{approach_m:.3g} m: nothing would be left of it, or of its compliance; it was kept, so "
-        "stiffness and displacement hold it; the contact is spread over the face, or lies near its "
-        "edges"
-    )
-    return Problem("bulk_kept", "warning", message)
