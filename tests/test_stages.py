@@ -1,5 +1,6 @@
 """The stages: their clock, and the turns of fit and contact."""
 
+import math
 from types import SimpleNamespace
 from unittest import mock
 
@@ -428,19 +429,26 @@ def test_a_lighter_patch_lies_as_the_heaviest_does(alignment, load_N):
     assert given.conditioning.form == ("none" if turned else chosen.conditioning.form)
 
 
+CURVES = " of a processor a curve of the map, of which it takes 1 to 10"
+OR_MORE = ", or more where much of it touches, up to about {} s"
+
+
 @pytest.mark.parametrize(
-    ("curve_s", "said"),
+    ("curve_s", "limit_s", "said"),
     [
-        (4.98, ", about 5 s a curve of the map, of which it takes 1 to 10"),
-        (1.08, ", about 1.1 s a curve of the map, of which it takes 1 to 10"),  # 9 s in all
-        (0.15, ""),
-        (None, ""),
+        (4.98, 49.0, ", about 5 s" + CURVES),
+        (4.98, math.inf, ", about 5 s" + CURVES),
+        (1.08, 10.0, ", about 1.1 s" + CURVES),  # 9 s in all
+        # 33 s, of a face of which 95 % touch
+        (1.08, 60.0, ", about 1.1 s" + CURVES + OR_MORE.format(60)),
+        (0.15, 60.0, ""),
+        (None, 60.0, ""),
     ],
 )
-def test_the_time_that_is_told_of_a_map_is_that_of_one_curve_and_says_so(curve_s, said):
+def test_the_time_that_is_told_of_a_map_is_that_of_one_curve_and_says_so(curve_s, limit_s, said):
     told = []
     clock = Clock(told.append)
     for _ in range(2):
-        with clock("contact", curve_s):
+        with clock("contact", curve_s, limit_s):
             pass
     assert told == [f"analysing: contact{said}"]

@@ -381,7 +381,7 @@ def _analyzed(
         pressed = None if face.label is None else face.conditioned.surface
         failed = contact_failed(error, pressed, settings)
         found = replace(found, problems=(*found.problems, failed))
-    with clock("doubts"):
+    with clock("effects"):  # of the doubts: it may press the map again, and is told by itself
         return face, replace(found, problems=problems_of(face, found, mate))
 
 

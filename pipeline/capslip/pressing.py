@@ -72,7 +72,8 @@ def press_face(
     """
     shape = face.conditioned.surface.shape
     needs_map = map_for_auto(face.conditioned.surface, settings) or made_from(settings) == "map"
-    with clock("contact", boundary_elements_s(shape) if needs_map else None):
+    limit_s = settings.contact.time_limit_s
+    with clock("contact", boundary_elements_s(shape) if needs_map else None, limit_s):
         contact, caps = _pressed(face, settings)
     with clock("slip"):
         contact, slip, dearer = _sheared(face, contact, caps, settings)

@@ -182,3 +182,5 @@ def test_each_stage_is_told_once_as_it_begins(several):
     stages = [line.removeprefix("analysing: ").partition(",")[0] for line in told]
     assert stages[0] == "condition"
     assert sorted(stages) == sorted(found.timings_s)
+    # What doubts move may press the map again, which was told as damping
+    assert stages[stages.index("damping") + 1] == "effects"
