@@ -239,16 +239,13 @@ class BoundaryElementCurve:
             )
             if self.solutions.leaves_none(unloading):
                 message += ", and what the finest detail of the map decides is not known"
-            more = more_time(self.solutions.face.depth_m.shape, self.solutions.time_limit_s)
-            effect = Effect(None, off, off)
-            found.append(Problem("time_limit_reached", "warning", message, effect, more))
+            more = more_time(pressed.gap_m.shape, self.solutions.time_limit_s)
+            of = Effect(None, off, off), more
+            found.append(Problem("time_limit_reached", "warning", message, *of))
         return tuple(found)
 
     def _of_first_touch(self, pressed: Pressed, unloading: Unloading) -> list[Problem]:
-        """Return whether the face stands higher between its pixels than the approach counts from.
-
-        A spline through them goes half a pixel beyond the outermost ones, to the edge of the map.
-        """
+        """Return whether a spline, to the edge of the map, stands higher than where d counts from."""
         face, higher_m = self.solutions.face, unloading.approach_m - pressed.approach_m
         bulk_m = bulk_of_face_m_per_N(face, face.E_star_Pa) * pressed.load_N
         if abs(higher_m) <= HIGHER * (pressed.approach_m - bulk_m):

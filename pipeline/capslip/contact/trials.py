@@ -33,9 +33,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes
 from capslip.surface.seams import Seams, levels_m, tilts_m
 
-LEFT_OUT = {  # flags of the caps that may carry nothing, or less
-    "load_on_doubtful_caps": DOUBTFUL,
-}
+LEFT_OUT = {"load_on_doubtful_caps": DOUBTFUL}  # flags of caps that may carry nothing, or less
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
 PATCH = 3  # removed points that touch each other, from which they are one punch
@@ -240,10 +238,9 @@ class Trials:
         sharp = 1.0 - caps.radius_m * curvature_per_m
         if not (np.isfinite(up_m) & (sharp > 0.0))[caps.usable].all():
             raise ContactError("nobody knows what a cap is with what the other map has more")
-        sharp = np.where(caps.usable, sharp, 1.0)
         moved = caps.with_columns(
             peak_height_m=caps.peak_height_m + np.where(caps.usable, up_m, 0.0),
-            radius_m=caps.radius_m / sharp,
+            radius_m=caps.radius_m / np.where(caps.usable, sharp, 1.0),
         )
         self._refuse_others(moved, coarse_map(surface), coarse_map(other))
         return moved
