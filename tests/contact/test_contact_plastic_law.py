@@ -68,6 +68,8 @@ def test_the_interval_of_a_map_that_yields_holds_the_caps_of_finite_elements(ove
     assert found.answer.tangential_stiffness_N_per_m < K or over_hardness > 2.0
     low, high = found.band.interval["energy_J"]
     assert low <= W <= high
+    # Of a sphere of many pixels the law is what is open
+    assert found.band.contributions["energy_J"]["plastic_law"] > 0.9
     (said,) = (one for one in found.problems if one.code == "yielded")
     assert said.severity == (
         "warning" if K / found.answer.tangential_stiffness_N_per_m > 1.05 else "info"
@@ -96,6 +98,7 @@ def test_a_map_that_stays_elastic_answers_as_it_did():
     elastic, hard = (analysis_of(load_N, one) for one in (None, 1e10))
     assert hard.contact.errors.law is None
     assert hard.band.interval == elastic.band.interval
+    assert "plastic_law" not in hard.band.contributions["energy_J"]
     assert hard.contact.errors == elastic.contact.errors
     assert "yielded" not in {one.code for one in hard.problems}
     assert "face with its hardness" in hard.verdict or "usable with care" in hard.verdict

@@ -719,15 +719,17 @@ def test_two_scans_scatter_by_half_of_what_they_differ_with_one_degree_of_freedo
 
 
 def test_all_that_may_be_uncertain_has_an_interval_together(monkeypatch):
-    """Twelve columns: two each of caps, model, scans and direction, and four of the inputs."""
+    """Two columns each of caps, model, law, scans, part and direction, and four of the inputs."""
     two = np.diag([0.01, 0.01])
     for name in ("of_scatter", "of_direction"):
         monkeypatch.setattr(band_module, name, lambda state: two)
-    monkeypatch.setattr(band_module, "of_caps_and_model", lambda state: Left(two, two))
+    monkeypatch.setattr(band_module, "of_parts", lambda state: (two, np.zeros(2)))
+    monkeypatch.setattr(band_module, "of_caps_and_model", lambda state: Left(two, two, law=two))
     spreads, more = dict.fromkeys(SPREADS, 0.1), ("material.hardness_Pa=5e9",)
     answer, (part,), *rest = pressed(settings_of({"slip_force_N": 20.0 * MU}, more, **spreads))
     found = band_of(answer, [replace(part, share=0.5)] * 2, *rest)
-    assert set(found.contributions["energy_J"]) == {"caps", "model", "scans", "direction", *spreads}
+    of_both = {"caps", "model", "plastic_law", "scans", "part_of_joint", "direction"}
+    assert set(found.contributions["energy_J"]) == of_both | set(spreads)
     assert np.isfinite(found.interval["energy_J"]).all()
 
 

@@ -311,10 +311,12 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     of_stiffness = band_causes.OF_STIFFNESS * 0.05
     at_a_quarter = 0.04
     first = [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0]]
-    last = [[of_stiffness, 0.0], [0.0, 0.05], [0.01, 0.0], [0.0, at_a_quarter]]
+    last = [[0.01, 0.0], [0.0, at_a_quarter]]
     others = np.array([*first, *last])
     expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
     assert left.model.T @ left.model == pytest.approx(expected)
+    of_law = np.diag((of_stiffness, 0.05)) / NORMAL_95  # either alone
+    assert left.law.T @ left.law == pytest.approx(of_law @ of_law)
 
 
 def test_one_scan_has_no_scatter():
@@ -322,10 +324,10 @@ def test_one_scan_has_no_scatter():
 
 
 def test_errors_of_caps_are_each_scans_own_and_those_of_the_model_go_together(monkeypatch):
-    caps, model = (np.diag(of) for of in ((0.1, 0.2), (0.3, 0.4)))
+    caps, model, law = (np.diag(of) for of in ((0.1, 0.2), (0.3, 0.4), (0.5, 0.6)))
 
     def left(state, one):
-        return band_causes.Left(caps, model, one.share * np.array([0.1, 0.3]))
+        return band_causes.Left(caps, model, one.share * np.array([0.1, 0.3]), law)
 
     monkeypatch.setattr(band_causes, "_of_one", left)
     alone = band_causes.of_caps_and_model(of_force(parts=[part()]))
@@ -336,6 +338,7 @@ def test_errors_of_caps_are_each_scans_own_and_those_of_the_model_go_together(mo
     both = band_causes.of_caps_and_model(of_force(parts=parts))
     assert both.caps.T @ both.caps == pytest.approx((0.25**2 + 0.75**2) * caps @ caps)
     assert both.model.T @ both.model == pytest.approx(model @ model)
+    assert both.law.T @ both.law == pytest.approx(law @ law)
     assert both.shift == pytest.approx((0.25**2 + 0.75**2) * np.array([0.1, 0.3]))
 
 

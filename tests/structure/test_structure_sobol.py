@@ -20,5 +20,5 @@ def test_each_half_of_each_axis_holds_half_of_the_points():
 
 @pytest.mark.parametrize("dimensions", [0, MOST_DIMENSIONS + 1])
 def test_more_dimensions_than_are_known_are_refused(dimensions):
-    with pytest.raises(ValueError, match="expected 1 to 12"):
+    with pytest.raises(ValueError, match="expected 1 to 16"):
         scrambled_sobol(dimensions, 4)

@@ -245,7 +245,7 @@ class BoundaryElementCurve:
         return tuple(found)
 
     def _of_first_touch(self, pressed: Pressed, unloading: Unloading) -> list[Problem]:
-        """Return whether a spline, to the edge of the map, stands higher than where d counts from."""
+        """Return whether a spline to the edge of the map stands higher than where d counts from."""
         face, higher_m = self.solutions.face, unloading.approach_m - pressed.approach_m
         bulk_m = bulk_of_face_m_per_N(face, face.E_star_Pa) * pressed.load_N
         if abs(higher_m) <= HIGHER * (pressed.approach_m - bulk_m):

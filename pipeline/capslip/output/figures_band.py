@@ -18,6 +18,7 @@ NUMBERS = {  # of the answer, by name
 COLOURS = {  # after Okabe and Ito, but for the last
     "caps": "#D55E00",
     "model": "#0072B2",
+    "plastic_law": "#A65628",
     "friction": "#009E73",
     "preload": "#E69F00",
     "modulus": "#56B4E9",

@@ -28,7 +28,7 @@ LOG2_POINTS = 8
 UNKNOWN = 1e-6  # of the number that was answered: nobody knows an end below
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 # They move displacement and energy by factors
-OF_BOTH = ("caps", "model", "scans", "part_of_joint", "direction")
+OF_BOTH = ("caps", "model", "plastic_law", "scans", "part_of_joint", "direction")
 OF_MODEL = "error of the model"  # in the list of what an interval leaves out
 MOST = {  # of what is defined as long as a mode is lightly damped
     "loss_factor": MOST_LOSS_FACTOR,
@@ -79,6 +79,7 @@ def band_of(
     -----
     Every factor on displacement and energy is log-normal. Caps: covariance of the two over the
     caps moved at random. Model: the other causes of `error_of_caps`, each as it changes this state.
+    Plastic law: what is open of how contacts that yielded unload, see `law_of_map`.
     What interacting caps answer otherwise than the model in use is known: it is what the interval
     lies about, which holds the answer, too. The estimated error of a model without caps,
     and what few solved pressures leave of a joint of many, move either of the two alone, as nothing
@@ -131,6 +132,7 @@ def _propagated(state: State, damping: Damping) -> Band | None:
     spreads = {
         "caps": left.caps,
         "model": left.model,
+        "plastic_law": left.law,
         "scans": of_scatter(state),
         "part_of_joint": of_part,
         "direction": of_direction(state),
@@ -155,7 +157,7 @@ def _propagated(state: State, damping: Damping) -> Band | None:
 
     def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
         with np.errstate(over="ignore"):
-            of_all = log["caps"] + log["model"] + log["part_of_joint"] + log["direction"]
+            of_all = sum(log[name] for name in OF_BOTH if name != "scans")
             moved = np.exp(of_all + scans + left.shift + less)
             other, energy_J = found * moved[:, 0], W * np.where(W == 0.0, 1.0, moved[:, 1])
         delta_m, force_N = state.answer.displacement_m, more * state.answer.slip_force_N

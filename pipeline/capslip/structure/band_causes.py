@@ -34,22 +34,27 @@ class Left:
     # (2,), by which interacting caps, or finite elements of what yields, answer otherwise than the
     # model in use: no chance is in that
     shift: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    # (r, 2), a root as above, of how what yielded unloads
+    law: np.ndarray = field(default_factory=lambda: np.zeros((2, 2)))
 
 
 def of_caps_and_model(state: State) -> Left:
     """Return what caps and model leave.
 
     Each scan at its own state: under the force or the displacement of a joint of its face alone.
-    Errors of the caps of two scans have nothing in common, those of the model all.
+    Errors of the caps of two scans have nothing in common, those of model and law all.
     """
     each = [_of_one(state, part) for part in state.parts]
     if len(each) == 1:
         return each[0]
     share = np.array([part.share for part in state.parts])
     of_caps = [s * one.caps for s, one in zip(share, each, strict=True)]
-    of_model = [math.sqrt(s) * one.model for s, one in zip(share, each, strict=True)]
+    of_model, of_law = (
+        _root(np.vstack([math.sqrt(s) * one for s, one in zip(share, roots, strict=True)]))
+        for roots in ([one.model for one in each], [one.law for one in each])
+    )
     shift = share @ np.array([one.shift for one in each])
-    return Left(_root(np.vstack(of_caps)), _root(np.vstack(of_model)), shift)
+    return Left(_root(np.vstack(of_caps)), of_model, shift, of_law)
 
 
 def _of_one(state: State, part: Part) -> Left:
@@ -62,7 +67,7 @@ def _of_one(state: State, part: Part) -> Left:
         of_each = np.array([[one.stiffness for one in known], energy])
         solved = np.diag(np.linalg.norm(of_each, axis=1))
         shift, of_law = _of_law(state, contact, share)
-        return Left(np.zeros((2, 2)), _root(np.vstack((solved, of_law)) / NORMAL_95), shift)
+        return Left(np.zeros((2, 2)), _root(solved / NORMAL_95), shift, _root(of_law / NORMAL_95))
     if light is not None:
         e = state.answer.displacement_m / (friction * part.kappa)
         return _of_uneven(state, part, light, share, e)
@@ -112,13 +117,14 @@ def _of_moved(contact: ContactState, share: float, at: float, response: Response
     *random, by_shape = log_of(moved.moved) - log
     others = [2.0 * by_shape, PAIRS_SHARE * (log_of(moved.by_pairs) - log)]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
-    # Of caps that yielded either of the two alone: nothing tells how they go together
-    others += [*np.diag((OF_STIFFNESS * moved.of_contact, 1.0)) * moved.of_unloading]
+    # Either of the two alone: nothing tells how they go together
+    of_law = np.diag((OF_STIFFNESS * moved.of_contact, 1.0)) * moved.of_unloading
     others += [*np.diag(moved.of_profiles(share)), *(LEAST_ERROR * np.eye(2))]
     return Left(
         _root(np.array(random) / math.sqrt(len(random))),
         _root(np.array(others) / NORMAL_95),
         log - log_of(contact.curve),
+        _root(of_law / NORMAL_95),
     )
 
 
@@ -170,8 +176,13 @@ def _of_uneven(state: State, part: Part, light: ContactState, share: float, e: f
         return _root(np.array([of_joint(a * a_k, energy * l_k) for a, energy in np.vstack(rows)]))
 
     shift = ends[0].shift + place[:, None] * (ends[1].shift - ends[0].shift)
-    of_caps, of_model = together(ends[0].caps, ends[1].caps), together(ends[0].model, ends[1].model)
-    return Left(of_caps, of_model, of_joint(*shift.T))
+    light_end, heavy_end = ends
+    return Left(
+        together(light_end.caps, heavy_end.caps),
+        together(light_end.model, heavy_end.model),
+        of_joint(*shift.T),
+        together(light_end.law, heavy_end.law),
+    )
 
 
 def _slipped(

@@ -20,6 +20,10 @@ DIRECTIONS = (
     (0b101111, (1, 1, 7, 11, 19)),
     (0b110111, (1, 1, 5, 1, 1)),
     (0b111011, (1, 1, 1, 3, 11)),
+    (0b111101, (1, 3, 5, 5, 31)),
+    (0b1000011, (1, 3, 3, 9, 7, 49)),
+    (0b1011011, (1, 1, 1, 15, 21, 21)),
+    (0b1100001, (1, 3, 1, 13, 27, 49)),
 )
 MOST_DIMENSIONS = 1 + len(DIRECTIONS)
 
@@ -33,7 +37,7 @@ def scrambled_sobol(dimensions: int, log2_points: int) -> np.ndarray:
     Parameters
     ----------
     dimensions : int
-        1 to 12.
+        1 to 16.
     log2_points : int
         Binary logarithm of the number of points, up to 30.
 
