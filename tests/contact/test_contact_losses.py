@@ -10,8 +10,9 @@ from capslip.contact.solvers import detail, path
 from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.losses import Losses, left_out, losses, region_losses
+from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.path import CLOSEST, FINEST, Path
-from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.surface.heightmap import HeightMap
 
 X = np.array([0.02, 0.08, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0])

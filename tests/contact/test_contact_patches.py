@@ -20,10 +20,11 @@ from capslip.contact.solvers.half_space import (
     love_kernel_at,
     padded_shape,
 )
+from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.patched_half_space import PatchedHalfSpace, node_counts
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.path import FINEST, Path
-from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.unloading import unload
 from capslip.surface.heightmap import HeightMap

@@ -8,8 +8,9 @@ import pytest
 from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.solvers import detail
+from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.patches import patched
-from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.refinement import spline_of
 from capslip.surface.heightmap import HeightMap
 

@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.ndimage import gaussian_filter
-from scipy.optimize import brentq, lsq_linear
+from scipy.optimize import lsq_linear
 
 from capslip import load_settings, load_surface
 from capslip.analysis import analyze_once
 from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.metal import _of_metal, first_loading
 from capslip.contact.solvers.path import Path
-from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.contact.solvers.yielding import YieldLaw
@@ -70,7 +70,7 @@ def test_flats_are_followed_more_finely_than_the_hills_on_which_a_load_left_them
 
 @pytest.mark.parametrize("balanced", [False, True])
 def test_refined_flats_are_those_of_the_load_on_finer_pixels(balanced):
-    """Where points yield they bear the hardness, and elastic pressures hold the flats there."""
+    """Where points yield they bear what metal does, and elastic pressures hold the flats there."""
     hardness, load_N = 1e9, 0.7
     face = soft(rough(64, 0, width=4), hardness)
     if balanced:
@@ -84,26 +84,32 @@ def test_refined_flats_are_those_of_the_load_on_finer_pixels(balanced):
     refined, p_Pa = path.face, path.pressed.pressure_Pa
     assert np.isinf(refined.hardness_Pa)
     assert p_Pa.sum() * refined.pixel_area_m2 == pytest.approx(load_N, rel=1e-9)
-    assert p_Pa.max() == hardness
+    assert path.pressed.max_pressure_Pa == hardness
     of_map_Pa = pressed.pressure_Pa[pressed.pressure_Pa > 0]  # pixels at the rims bear less
-    assert 0.0 < np.mean(p_Pa == hardness) - np.mean(of_map_Pa == hardness) < 0.1
+    assert 0.0 < path.pressed.yielded.mean() - np.mean(of_map_Pa == hardness) < 0.1
     again = press(refined, load_N=load_N, tolerance=1e-8)  # elastic, and from no start
     assert np.abs(again.pressure_Pa - p_Pa).sum() < 1e-3 * p_Pa.sum()
 
 
-def fully_plastic_loss_J(share, load_N, a_m, hardness_Pa):
-    """Return the loss of a uniform pressure that a share of the load is taken off, L = 4 S x - 8 I.
+def metal_unloading(over_hardness, load_N, a_m):
+    """Return withdrawals, load drops and losses of a round contact with the pressures of metal.
 
-    Withdrawal x = s e_0 and load drop S(s) as below, I = integral of x dS.
+    Flat punches of all radii c <= a, 2 E* c dd each: Abel's equation gives the withdrawal where the
+    contact has the radius c as (2 / E*) integral from c to a of p r dr / sqrt(r^2 - c^2), and the
+    loss is L = 8 integral(F de) - 4 F e.
     """
-    e_0_m, of_load_N = 2 * hardness_Pa * a_m / E, 2 * hardness_Pa * a_m**2
-
-    def drop_N(s):
-        return of_load_N * (s * np.sqrt(1 - s**2) + np.arcsin(s))
-
-    s = brentq(lambda s: drop_N(s) - share * load_N, 0, 1)
-    integral_J = e_0_m * (s * drop_N(s) - quad(drop_N, 0, s)[0])
-    return 4 * drop_N(s) * s * e_0_m - 8 * integral_J
+    c = np.sin(np.linspace(0.5 * np.pi, 0.0, 401))
+    u = np.linspace(0.0, 1.0, 2001)  # r^2 = c^2 + (1 - c^2) u^2
+    place = np.maximum((1.0 - c[:, None] ** 2) * (1.0 - u**2), 0.0)
+    p = 1.5 * np.sqrt(place) * _of_metal(np.full(place.shape, over_hardness), place)
+    at = np.linspace(0.0, 1.0, 20001)
+    mean = np.trapezoid(1.5 * np.sqrt(at) * _of_metal(np.full(at.shape, over_hardness), at), at)
+    p_Pa = load_N / (np.pi * a_m**2) * p / mean
+    e_m = 2.0 * a_m / E * np.sqrt(1.0 - c**2) * np.trapezoid(p_Pa, u, axis=1)
+    between_m = 0.5 * (c[1:] + c[:-1]) * a_m
+    drop_N = np.append(0.0, np.cumsum(2.0 * E * between_m * np.diff(e_m)))
+    stored_J = np.append(0.0, np.cumsum(0.5 * (drop_N[1:] + drop_N[:-1]) * np.diff(e_m)))
+    return e_m, drop_N, 8.0 * stored_J - 4.0 * drop_N * e_m
 
 
 @pytest.mark.parametrize(
@@ -113,9 +119,9 @@ def fully_plastic_loss_J(share, load_N, a_m, hardness_Pa):
 def test_the_energy_of_a_fully_plastic_sphere_of_few_pixels_is_the_closed_form(
     load_N, pixel_m, off_m
 ):
-    """Six to fourteen pixels along its radius: on these alone W was 5 to 70 % off at half of mu N.
+    """Six to fourteen pixels along its radius: on these alone W is far off at half of mu N.
 
-    At a tenth its edge lets go of 0.12 % of its radius, which no points follow, as is said.
+    At a tenth its edge lets go of less than any points follow, as is said.
     """
     hardness = 2e8
     surface = sphere(pixel_m, 64, off_m)
@@ -123,9 +129,11 @@ def test_the_energy_of_a_fully_plastic_sphere_of_few_pixels_is_the_closed_form(
     unloading = curve.unloading(load_N)
     a_m = np.sqrt(load_N / hardness / np.pi)
     errors, _ = error_of_map(curve, load_N, 0.05)
-    for share, most in ((0.1, np.inf), (0.25, 0.03), (0.5, 0.003), (0.75, 0.002)):
+    _, drop_N, loss_J = metal_unloading(9.0, load_N, a_m)
+    for share, most in ((0.1, np.inf), (0.25, 0.05), (0.5, 0.01), (0.75, 0.01)):
         at = np.log(share * load_N), np.log(unloading.load_drop_N), np.log(unloading.loss_J)
-        off = abs(np.interp(*at) - np.log(fully_plastic_loss_J(share, load_N, a_m, hardness)))
+        known_J = np.interp(share * load_N, drop_N, loss_J)
+        off = abs(np.interp(*at) - np.log(known_J))
         assert off < most
         assert off < errors.energy_at(share)
 
@@ -155,7 +163,15 @@ def test_a_loaded_map_is_in_equilibrium_and_unloads_from_where_it_is(balanced, s
     left, under = first_loading(face, pressed)
     assert np.isinf(left.hardness_Pa)
     assert left.depth_m.min() == 0.0
-    assert (p == under.pressure_Pa).all()
+    assert (under.yielded == (p == hardness)).all()
+    # Each contact keeps its load and its edge, and the gaps between them stay as they were
+    assert ((under.pressure_Pa > 0) == (p > 0)).all()
+    assert under.region_loads_N == pytest.approx(pressed.region_loads_N, rel=1e-12)
+    p, sinking_m = under.pressure_Pa, face.half_space.sinking_m(under.pressure_Pa)
+    assert under.gap_m == pytest.approx(
+        np.where(under.yielded, gap_m.clip(0.0), gap_m), abs=1e-9 * d
+    )
+    assert under.gap_m == pytest.approx(sinking_m + left.depth_m - under.approach_m, abs=1e-9 * d)
     again = press(left, load_N=load_N, tolerance=1e-8)  # elastic, and from no start at all
     assert again.approach_m == pytest.approx(under.approach_m, rel=1e-5)
     assert again.pressure_Pa == pytest.approx(p, abs=0.02 * hardness)
@@ -190,6 +206,7 @@ def test_a_contact_yields_between_its_pixels_though_none_of_them_does(across, ba
 
 
 def test_a_hardness_that_is_not_reached_changes_nothing():
+    """Finite elements yield from 0.57 H on, the map's contacts are as elastic ones up to 0.6 H."""
     face = rough(96, 5, width=4)
     curves = [
         boundary_elements(face, E, preload_N=0.01, hardness_Pa=hardness, balanced=balanced)
@@ -204,13 +221,8 @@ def test_a_hardness_that_is_not_reached_changes_nothing():
 
 
 @pytest.mark.parametrize(("load_N", "pixel_m"), [(2.0, 1e-6), (8.0, 2e-6), (40.0, 4e-6)])
-def test_a_fully_plastic_sphere_unloads_as_a_uniform_pressure_does(load_N, pixel_m):
-    """N_0 - N(d_0 - e) = 2 H a^2 (s sqrt(1 - s^2) + asin s), s = e / e_0 and e_0 = 2 H a / E*.
-
-    Flat punches of radii c from 0 to a, 2 E* c dd each, whose sum is the pressure H: Abel's
-    equation, whose solution is dd/dc = (2 H / E*) c / sqrt(a^2 - c^2). 40 N are 12500 pixels at the
-    hardness, and no other.
-    """
+def test_a_fully_plastic_sphere_unloads_as_the_pressures_of_metal_do(load_N, pixel_m):
+    """40 N are 12500 pixels at the hardness, and no other."""
     hardness = 2e8
     curve = boundary_elements(sphere(pixel_m, 160), E, preload_N=load_N, hardness_Pa=hardness)
     area_m2 = curve.pressed(load_N).contact_area_m2
@@ -218,11 +230,12 @@ def test_a_fully_plastic_sphere_unloads_as_a_uniform_pressure_does(load_N, pixel
     assert curve.yielded_area_m2 == pytest.approx(area_m2, rel=0.05)
     a_m = np.sqrt(load_N / hardness / np.pi)
     approach_m = curve.approach_m(load_N)
-    assert approach_m == pytest.approx(2 * hardness * a_m / E, rel=0.01)
-    s = np.array([0.25, 0.5, 0.75, 0.95])
-    drop_N = 2 * hardness * a_m**2 * (s * np.sqrt(1 - s**2) + np.arcsin(s))
-    found_N = curve.load_drop_N(approach_m, s * 2 * hardness * a_m / E)
-    assert found_N == pytest.approx(drop_N, rel=0.01)
+    e_m, drop_N, _ = metal_unloading(9.0, load_N, a_m)
+    assert drop_N[-1] == pytest.approx(load_N, rel=1e-3)  # all of the pressures
+    assert approach_m == pytest.approx(e_m[-1], rel=0.01)
+    known = np.array([0.25, 0.5, 0.75, 0.95]) * e_m[-1]
+    found_N = curve.load_drop_N(approach_m, known)
+    assert found_N == pytest.approx(np.interp(known, e_m, drop_N), rel=0.01)
     assert curve.stiffness_N_per_m(approach_m) == pytest.approx(2 * E * a_m, rel=5e-3)
 
 
@@ -240,7 +253,11 @@ def test_a_cap_and_the_map_of_its_sphere_are_equally_stiff(load_N, hardness, pix
     found = curve.stiffness_N_per_m(curve.approach_m(load_N))
     assert 2 * E * a_m == pytest.approx(found, rel=off)
     flat_m, _ = law.flattened(N, radius_m)
-    assert a_m**2 / flat_m[0] == pytest.approx(curve.approach_m(load_N), rel=0.2)
+    over = curve.pressed(
+        load_N
+    ).over_hardness.max()  # metal recovers less than a cap, by up to 0.82
+    recovers = np.interp(over, [0.6, 2.0, 5.0], [1.0, 0.9, 0.82])
+    assert curve.approach_m(load_N) == pytest.approx(recovers * a_m**2 / flat_m[0], rel=0.1)
 
 
 def test_a_map_that_cannot_bear_the_load_is_refused():

@@ -15,6 +15,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
+from capslip.contact.plastic_law import LawError
 from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import slip_curve
@@ -653,19 +654,29 @@ def test_yielding_moves_the_interval_of_a_preload():
 @pytest.mark.parametrize("of_contact", [1.0, 0.1])
 def test_what_the_unloading_of_yielded_caps_leaves_moves_energy_and_stiffness(of_contact):
     """The stiffness by the share that the contact has of the compliance, with the bulk kept."""
+    law = LawError(0.0, (0.0,) * 4, (-0.6,) * 4, (0.3,) * 4, "so it is")
 
     def moved(contact):
         curve = contact.curve
         radius_m = np.repeat(curve.radius_m[None], 3, axis=0)
         same = caps(radius_m, 0.0 * radius_m, STEEL.E_star_Pa)
-        given = MovedCaps(curve, same, curve, None, 0.3, of_contact=of_contact)
-        return replace(contact, moved=given)
+        given = MovedCaps(curve, same, curve, None, 0.6, of_contact=of_contact)
+        return replace(contact, moved=given, errors=ModelError(0.1, 0.1, law=law))
 
     found = band({"slip_force_N": 0.25 * MU * N}, moved)
-    for name, of_unloading in (("energy_J", 0.3), ("displacement_m", 0.21 * of_contact)):
-        sd = np.hypot(of_unloading, LEAST_ERROR) / NORMAL_95
-        width = np.diff(np.log(found.interval[name]))[0]
-        assert width == pytest.approx(2.0 * Z_90 * sd, rel=0.05)
+    for name, half, shift in (("energy_J", 0.3, -0.6), ("displacement_m", 0.21 * of_contact, 0.0)):
+        sd = np.hypot(half, LEAST_ERROR) / NORMAL_95
+        low, high = np.log(np.array(found.interval[name]) / getattr(found_answer(), name))
+        width = Z_90 * sd
+        assert low == pytest.approx(shift - width, rel=0.05, abs=1e-3)
+        # It holds what was answered
+        assert high == pytest.approx(max(shift + width, 0.0), rel=0.05, abs=1e-3)
+    assert found.contributions["energy_J"]["plastic_law"] > 0.99
+
+
+def found_answer():
+    answer, *_ = pressed(settings_of({"slip_force_N": 0.25 * MU * N}))
+    return answer
 
 
 def parts_of(radii_m, shares=None, error=0.0, kappa=None, **spreads):

@@ -15,6 +15,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.moved import moved_caps
 from capslip.contact.outlines import outlines
+from capslip.contact.plastic_law import LawError, law_of_caps
 from capslip.contact.profiles import profiles
 from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, Scene
@@ -33,10 +34,8 @@ LEAST_ERROR = 0.001  # of interacting spheres against boundary elements, on face
 PAIRS_SHARE = 0.5  # of what point loads alone would change: a tenth to seven tenths were seen
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
 CUT_SHARE = 0.02  # of the load, beyond the edge of the face; at 4 % energies are 6 % off
-# Of the energies of caps that have yielded, against height maps of the same hardness: the pressure
-# that is left after yield is flatter than that of Hertz, see `docs/theory.md`
-UNLOADING_ERROR = 0.5
-OF_STIFFNESS = 0.7  # of that, in the stiffness: 0.06 to 0.33 was seen where nearly all has yielded
+# Of the stiffness of caps that have yielded: 0.06 to 0.33 was seen where nearly all has
+YIELDED_STIFFNESS = 0.35
 DRAWS = 16
 MOST_WIDE = 3.0  # in the logarithm of a radius
 SHOWN = 0.8  # of a known noise: what shows so much of it may as well be all
@@ -56,7 +55,7 @@ class MovedCaps:
     moved: NormalCurve
     by_pairs: NormalCurve  # with point loads alone between contacts: twice an error at 95 %
     by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
-    of_unloading: float = 0.0  # relative error of the energy at 95 %, of caps that yielded
+    yielded: float = 0.0  # share of the load on caps that have
     whole: NormalCurve | None = None  # that of `found` with the bulk sinking
     # What profiles below contacts change of the `answers` beyond that: half of an error at 95 %
     by_profile: np.ndarray = field(default_factory=lambda: np.zeros(len(FORCE_SHARES) + 1))
@@ -194,9 +193,8 @@ def error_of_caps(
     balanced face has no such doubt: moved caps are balanced anew.
 
     Then there is the law between two contacts: half of what point loads alone would change. Where
-    caps have yielded they unload as Hertz contacts, and the map less evenly: half of the energies,
-    times the share of the load on such caps. None of these causes has to do with another, so their
-    squares add.
+    caps have yielded they unload as Hertz contacts, and metal otherwise, see `law_of_caps`. None of
+    these causes has to do with another, so their squares add.
 
     Beyond the tolerance, caps are moved again by no more than what noise has not done: that alone
     pressing the map instead would mend, as its contacts average over no more points than fits do.
@@ -233,17 +231,19 @@ def error_of_caps(
         of_shapes = np.maximum(np.abs(by_shape), np.abs(by_profile))
         each = (of_shapes, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
-        unloading = _of_unloading(scene, curve)
+        as_found = _as_slip_uses(curve, scene.surface, settings)
+        of_contact = _of_contact(scene, curve, as_found)
+        yielded, law = _of_yield(scene, curve, of_contact)
+        unloading = 0.0 if law is None else max(law.errors(one)[1] for one in FORCE_SHARES)
         besides = 2.0 * shape, pairs, unloading, LEAST_ERROR
         of_caps = without_noise = math.hypot(of_random, *besides)
-        as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
         beyond = np.sqrt(np.square(of_shapes) - np.square(by_shape))
-        of_contact = _of_contact(scene, curve, as_found)
-        given = as_found, used[0], used[1], by_level, unloading, curve, beyond, of_contact
+        given = as_found, used[0], used[1], by_level, yielded, curve, beyond, of_contact
         moved = MovedCaps(*given)
         by_answer = np.vstack((2.0 * at_random_rms, 2.0 * of_shapes, *change[1:]))
-        errors = _by_share(np.linalg.norm(by_answer, axis=0), moved, of_caps, level)
+        of_all = math.hypot(of_random, 2.0 * shape, pairs, LEAST_ERROR, level)
+        errors = _by_share(np.linalg.norm(by_answer, axis=0), moved, of_all, law)
         if math.hypot(of_caps, level) > settings.contact.tolerance:
             own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))
             left = moved_caps(scene, curve, *own, settings)
@@ -269,18 +269,19 @@ def _rms(changes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.mean(np.square(changes), axis=0)))
 
 
-def _by_share(by_answer: np.ndarray, moved: MovedCaps, of_caps: float, level: float) -> ModelError:
+def _by_share(
+    by_answer: np.ndarray, moved: MovedCaps, of_all: float, law: LawError | None
+) -> ModelError:
     """Return the errors by share of mu N, of each the greatest from there on.
 
     `by_answer`, shape (5,), is what caps, pairs and levelling leave in each of the `answers`; the
     greatest of all stays what the causes together, each where it is worst, may do.
     """
     *energies, stiffness = np.hypot(by_answer, LEAST_ERROR).tolist()
-    energies = [math.hypot(one, moved.of_unloading) for one in energies]
-    stiffness = math.hypot(stiffness, OF_STIFFNESS * moved.of_contact * moved.of_unloading)
+    stiffness = math.hypot(stiffness, YIELDED_STIFFNESS * moved.of_contact * moved.yielded)
     greatest = [max(energies[i:]) for i in range(len(energies))]
     by_share = (*zip(FORCE_SHARES, greatest, strict=True), (1.0, greatest[-1]))
-    return ModelError(stiffness, math.hypot(of_caps, level), by_share)
+    return ModelError(stiffness, of_all, by_share, law=law)
 
 
 def _doubt(
@@ -435,13 +436,17 @@ def _own_share(scene: Scene, quartic: np.ndarray, noise_m: float) -> np.ndarray:
         return np.where(known, max(more, 0.0) / (max(more, 0.0) + variance), 1.0)
 
 
-def _of_unloading(scene: Scene, curve: InteractingCurve) -> float:
-    """Return the relative error of the energies that the unloading of yielded caps leaves."""
+def _of_yield(
+    scene: Scene, curve: InteractingCurve, of_contact: float
+) -> tuple[float, LawError | None]:
+    """Return the share of the load on caps that have yielded, and what their unloading leaves."""
     if scene.law is None:
-        return 0.0
+        return 0.0, None
     load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
     yielded = scene.law.yielded(load_N, scene.radius_m)
-    return UNLOADING_ERROR * float(load_N[yielded].sum() / load_N.sum())
+    most_Pa = np.cbrt(6.0 * load_N * (scene.E_star_Pa / scene.radius_m) ** 2) / math.pi
+    law = law_of_caps(most_Pa / scene.law.hardness_Pa, load_N, of_contact)
+    return float(load_N[yielded].sum() / load_N.sum()), law
 
 
 def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:

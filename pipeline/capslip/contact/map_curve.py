@@ -137,7 +137,7 @@ class BoundaryElementCurve:
         if self.first is None:
             return True
         hardness_Pa = min(of_hardness, 1.0) * self.first.face.hardness_Pa
-        return hardly_yields(self.pressed(load_N).pressure_Pa, hardness_Pa)
+        return hardly_yields(self.pressed(load_N), hardness_Pa)
 
     def _anew(self, load_N: float, changes: list[tuple[float, float]], share: float) -> np.ndarray:
         """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3).

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS, PAIRS_SHARE
+from capslip.contact.accuracy import LEAST_ERROR, PAIRS_SHARE, YIELDED_STIFFNESS
 from capslip.contact.curve import NormalCurve
 from capslip.contact.part_of_joint import left_open
 from capslip.contact.press import ContactState
@@ -78,20 +78,17 @@ def _of_one(state: State, part: Part) -> Left:
     elif not state.by_force:  # at constant load e may be beyond total slip
         d = contact.curve.approach_m(contact.preload_N)
         at = float(contact.curve.withdrawal_m(d, share * contact.preload_N))
-    return _of_moved(contact, share, at, state.at_constant_load)
+    return _of_moved(contact, share, at, state.at_constant_load, _of_law(state, contact, share))
 
 
 def _of_law(state: State, contact: ContactState, share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the plastic law of a pressed map moves, shape (2,), and leaves at 95 %, (r, 2).
+    """Return what the plastic law moves, shape (2,), and leaves at 95 %, (r, 2).
 
     At a given displacement the force goes as that is moved at a given force, and the energy with
     both.
     """
-    law = None if contact.errors is None else contact.errors.law
-    if law is None:
-        return np.zeros(2), np.zeros((0, 2))
-    shift, left = np.array(law.shift(share)), law.half_95(share)
-    if state.by_force:
+    shift, left = _law_at_force(contact, share)
+    if state.by_force or not left.size:
         return shift, left
     e = state.answer.displacement_m / (
         state.settings.material.friction_coefficient * contact.composite.kappa
@@ -103,7 +100,21 @@ def _of_law(state: State, contact: ContactState, share: float) -> tuple[np.ndarr
     return shift @ at_displacement_of, left @ at_displacement_of
 
 
-def _of_moved(contact: ContactState, share: float, at: float, response: Response) -> Left:
+def _law_at_force(contact: ContactState, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same at a given share of mu N."""
+    law = None if contact.errors is None else contact.errors.law
+    if law is None:
+        return np.zeros(2), np.zeros((0, 2))
+    return np.array(law.shift(share)), law.half_95(share)
+
+
+def _of_moved(
+    contact: ContactState,
+    share: float,
+    at: float,
+    response: Response,
+    of_law: tuple[np.ndarray, np.ndarray],
+) -> Left:
     """Return what caps and model leave where the caps were moved, by a response at a place."""
     moved = contact.moved
     assert moved is not None
@@ -117,14 +128,14 @@ def _of_moved(contact: ContactState, share: float, at: float, response: Response
     *random, by_shape = log_of(moved.moved) - log
     others = [2.0 * by_shape, PAIRS_SHARE * (log_of(moved.by_pairs) - log)]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
-    # Either of the two alone: nothing tells how they go together
-    of_law = np.diag((OF_STIFFNESS * moved.of_contact, 1.0)) * moved.of_unloading
     others += [*np.diag(moved.of_profiles(share)), *(LEAST_ERROR * np.eye(2))]
+    others += [np.array((YIELDED_STIFFNESS * moved.of_contact * moved.yielded, 0.0))]
+    shift, left_open = of_law
     return Left(
         _root(np.array(random) / math.sqrt(len(random))),
         _root(np.array(others) / NORMAL_95),
-        log - log_of(contact.curve),
-        _root(of_law / NORMAL_95),
+        log - log_of(contact.curve) + shift,
+        _root(left_open / NORMAL_95),
     )
 
 
@@ -152,7 +163,9 @@ def _of_uneven(state: State, part: Part, light: ContactState, share: float, e: f
     ends = []
     for one in (light, part.contact):
         at = int(np.abs(joint.load_N - one.preload_N).argmin())
-        ends.append(_of_moved(one, drop_N[at] / joint.load_N[at], drop_N[at], at_force))
+        of_load = drop_N[at] / joint.load_N[at]
+        of_law = _law_at_force(one, of_load)
+        ends.append(_of_moved(one, of_load, drop_N[at], at_force, of_law))
     T, K, L = w @ drop_N, w @ left_N_per_m, w @ loss_J
     of_heavy = float(place @ (w * loss_J) / L)
 

@@ -12,8 +12,9 @@ from capslip.contact.rung import Contacts, Rung, Scene
 from capslip.contact.solvers.denoising import without_noise
 from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
+from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.nearby import loaded_anew
-from capslip.contact.solvers.polonsky_keer import first_loading, press
+from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.refinement import WIDE_ENOUGH
 from capslip.contact.solvers.solutions import Solutions

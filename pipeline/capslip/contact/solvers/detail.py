@@ -12,7 +12,8 @@ import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import HalfSpace
-from capslip.contact.solvers.polonsky_keer import Pressed, first_loading, press
+from capslip.contact.solvers.metal import first_loading
+from capslip.contact.solvers.polonsky_keer import Pressed, press
 from capslip.contact.solvers.unloading import Unloading, path_at
 from capslip.contact.solvers.whiteness import white_m2
 from capslip.errors import ContactError, OutOfTimeError

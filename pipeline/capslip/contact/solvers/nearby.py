@@ -6,9 +6,10 @@ import numpy as np
 
 from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import SINGLE, alone_on, around_contact, points_alone
-from capslip.contact.solvers.polonsky_keer import first_loading, press
+from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
 from capslip.contact.solvers.starts import Known, start_Pa
 
@@ -92,8 +93,8 @@ def nearby(
                 face_i, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, sinks_once=True
             )
         elastic, loaded = first_loading(face_i, state)
-        comes_back = finest == 1 and of_load > 1.0 and hardly_yields(known_Pa, face.hardness_Pa)
-        if comes_back and hardly_yields(state.pressure_Pa, face_i.hardness_Pa):
+        comes_back = finest == 1 and of_load > 1.0 and hardly_yields(pressed, face.hardness_Pa)
+        if comes_back and hardly_yields(state, face_i.hardness_Pa):
             lost = float(loaded.pressure_Pa @ gap_m - known_Pa @ loaded.gap_m)
             back_m, loss_J = state.approach_m - first.approach_m, 4.0 * lost * face.pixel_area_m2
             found.append(Nearby(loaded.approach_m, 1.0 - 1.0 / of_load, back_m, loss_J))

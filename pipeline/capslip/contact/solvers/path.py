@@ -8,12 +8,12 @@ from time import thread_time
 import numpy as np
 
 from capslip.contact.solvers.losses import rates_per_m
+from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.patches import PatchedFace, Spline
 from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
-    first_loading,
     press,
     punch,
 )
@@ -78,7 +78,9 @@ class Path:
         face = in_contact_alone(face, pressed.pressure_Pa)
         left_m = face.half_space.sinking_m(pressure_Pa) + face.depth_m - pressed.approach_m
         self.face, self.tolerance = replace(face, depth_m=face.depth_m - left_m), tolerance
-        self.pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=np.zeros(len(at)))
+        yielded = None if pressed.yielded is None else pressed.yielded.reshape(-1)[at]
+        none_m = np.zeros(len(at))
+        self.pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=none_m, yielded=yielded)
         # A region may be gone where the solution is finer than that of the preload.
         self.left, self.region = np.unique(region.reshape(-1)[at] - 1, return_inverse=True)
         self.n_regions, self.n_points = len(self.left), len(at)

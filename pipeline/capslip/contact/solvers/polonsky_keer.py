@@ -19,7 +19,6 @@ __all__ = [
     "ElasticFace",
     "Pressed",
     "elastic_face",
-    "first_loading",
     "press",
     "punch",
     "punch_pressure_Pa_per_m",
@@ -122,31 +121,6 @@ def refuse_to_crush(face: ElasticFace, load_N: float) -> None:
             f"{face.name}: {load_N:g} N are more than all of the face bears at {what} "
             f"{most_Pa:.3g} Pa; expected less than {bears_N:.3g} N; check preload and units"
         )
-
-
-def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pressed]:
-    """Return the face that a first load has left, and its state under that load still.
-
-    Where the pressure is the hardness, the point has sunk by what it would penetrate. With that in
-    its heights, the same pressures are the elastic solution of the face, from which it unloads.
-
-    Parameters
-    ----------
-    face : ElasticFace
-        With its hardness, under the tilt of the state.
-    pressed : Pressed
-        Its state under the load.
-
-    Returns
-    -------
-    ElasticFace, Pressed
-        Elastic; the approach counts from its own first touch.
-    """
-    yielded = pressed.pressure_Pa >= face.hardness_Pa
-    sunk_m = np.where(yielded, np.maximum(-pressed.gap_m, 0.0), 0.0)
-    lower_m = float(np.min(face.depth_m + sunk_m, where=face.measured, initial=np.inf))
-    gap_m, approach_m = pressed.gap_m + sunk_m, pressed.approach_m - lower_m
-    return face.flattened(sunk_m), replace(pressed, gap_m=gap_m, approach_m=approach_m)
 
 
 def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:

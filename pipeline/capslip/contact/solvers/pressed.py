@@ -35,6 +35,9 @@ class Pressed:
     certificate: Certificate
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
     turns: bool = False  # whether the face turned freely, so that the resultant is where it must be
+    yielded: np.ndarray | None = None  # where a first load left the hardness; None: it was not yet
+    over_hardness: np.ndarray | None = None  # see `metal_pressure_Pa`
+    bounded_Pa: float | None = None  # the greatest pressure then, at most the hardness
 
     @property
     def resultant_m(self) -> tuple[float, float]:
@@ -54,8 +57,8 @@ class Pressed:
 
     @property
     def max_pressure_Pa(self) -> float:
-        """Greatest pressure of any pixel."""
-        return float(self.pressure_Pa.max())
+        """Greatest pressure of any pixel; of metal the one under which it yielded."""
+        return float(self.pressure_Pa.max()) if self.bounded_Pa is None else self.bounded_Pa
 
     @cached_property
     def region(self) -> np.ndarray:
@@ -115,7 +118,10 @@ class State:
         return self.contact.size == 0 and self.least_gap >= 0
 
 
-def hardly_yields(pressure_Pa: np.ndarray, hardness_Pa: float) -> bool:
-    """Tell whether next to none of a load rests on points at a hardness."""
-    at_most_Pa = pressure_Pa[pressure_Pa >= hardness_Pa]
-    return float(at_most_Pa.sum()) <= _HARDLY * float(pressure_Pa.sum())
+def hardly_yields(pressed: Pressed, hardness_Pa: float) -> bool:
+    """Tell whether next to none of a load rests on points at a hardness, or that have yielded."""
+    pressure_Pa = pressed.pressure_Pa
+    at_most = pressure_Pa >= hardness_Pa
+    if pressed.yielded is not None:
+        at_most |= pressed.yielded
+    return float(pressure_Pa[at_most].sum()) <= _HARDLY * float(pressure_Pa.sum())

@@ -101,7 +101,7 @@ class _Roughness(NamedTuple):
 def _has_flats(face: ElasticFace, pressed: Pressed) -> bool:
     """Tell whether a load has left flats that bear more than next to nothing of it."""
     before = face.before
-    return before is not None and not hardly_yields(pressed.pressure_Pa, before.hardness_Pa)
+    return before is not None and not hardly_yields(pressed, before.hardness_Pa)
 
 
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:

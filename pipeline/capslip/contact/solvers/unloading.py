@@ -428,8 +428,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)
-    hardness_Pa = math.inf if path.map.before is None else path.map.before.hardness_Pa
-    yielded = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa)
+    yielded = 0 if pressed.yielded is None else np.count_nonzero(pressed.yielded)
     return Unloading(
         load_N=pressed.load_N,
         approach_m=pressed.approach_m,
@@ -449,6 +448,6 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         of_pixels=_of_pixels(path),
         of_noise=loss_noise_per_m(path),
         contact_area_m2=path.n_points * path.face.pixel_area_m2,
-        max_pressure_Pa=float(pressed.pressure_Pa.max()),
+        max_pressure_Pa=pressed.max_pressure_Pa,
         yielded_area_m2=yielded * path.face.pixel_area_m2,
     )

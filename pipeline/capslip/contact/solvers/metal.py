@@ -1,0 +1,179 @@
+"""What a first load leaves of a face that yields, and with which pressures metal bears it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.pressed import Pressed
+
+# By the greatest pressure p0 that a contact would have if it were elastic, over the hardness
+OVER_HARDNESS = (0.6, 0.695, 0.839, 0.994, 1.242, 1.482, 1.957, 2.924, 3.925, 5.985)
+# Places in a contact, from its edge (0) to its middle (1): t (2 t_max - t) / t_max^2 at a distance
+# t from the edge, which is 1 - r^2 / a^2 of a round one
+PLACES = (0.005, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
+# The pressure of a sphere there by finite elements, over that of an elastic contact of the same
+# load and radius; a row for each p0 / H: `docs/theory.md`, section 5
+OF_METAL = np.array(
+    (
+        (1.0,) * 12,
+        (1.03, 1.03, 1.03, 1.03, 1.03, 1.03, 1.03, 1.03, 1.02, 1.0, 0.969, 0.928),
+        (1.12, 1.13, 1.13, 1.13, 1.13, 1.12, 1.11, 1.09, 1.03, 0.966, 0.908, 0.857),
+        (1.28, 1.29, 1.29, 1.28, 1.27, 1.25, 1.18, 1.11, 1.01, 0.93, 0.863, 0.805),
+        (1.69, 1.72, 1.73, 1.55, 1.43, 1.34, 1.21, 1.1, 0.987, 0.895, 0.817, 0.749),
+        (3.13, 2.41, 1.93, 1.65, 1.49, 1.38, 1.23, 1.11, 0.976, 0.875, 0.789, 0.712),
+        (3.94, 2.75, 2.21, 1.82, 1.6, 1.46, 1.26, 1.11, 0.966, 0.849, 0.752, 0.66),
+        (5.26, 3.58, 2.64, 2.03, 1.72, 1.5, 1.26, 1.11, 0.945, 0.821, 0.717, 0.606),
+        (7.09, 4.23, 2.93, 2.14, 1.75, 1.55, 1.27, 1.08, 0.918, 0.799, 0.704, 0.599),
+        (7.56, 4.52, 3.01, 2.13, 1.76, 1.51, 1.24, 1.07, 0.907, 0.796, 0.713, 0.642),
+    )
+)
+# p0 / H up to which a contact has the pressures of an elastic one, and from which on it is taken
+# for round: the bound has cut them off
+_AS_SOLVED, _AS_ROUND = 0.8, 1.2
+# Sunk for good at most, over the radius of the contact and H / E*, which tells p0 / H from 1 on
+SUNK = (0.0, 0.0435, 0.164, 0.429, 0.737, 1.066, 1.789, 2.59, 4.37, 8.66)
+SUNK_AT = (1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0)
+
+
+def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pressed]:
+    """Return the face that a first load has left, and its state under that load still.
+
+    Where the pressure is the hardness, the point has sunk by what it would penetrate. With that in
+    its heights, the same pressures are the elastic solution of the face. It unloads from those that
+    metal has there, see `metal_pressure_Pa`, in the same gaps: by what these sink it otherwise, it
+    has sunk for good as well.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        With its hardness, under the tilt of the state.
+    pressed : Pressed
+        Its state under the load.
+
+    Returns
+    -------
+    ElasticFace, Pressed
+        Elastic; the approach counts from its own first touch.
+    """
+    yielded = pressed.pressure_Pa >= face.hardness_Pa
+    sunk_m = np.where(yielded, np.maximum(-pressed.gap_m, 0.0), 0.0)
+    gap_m = pressed.gap_m + sunk_m
+    pressure_Pa, over_hardness = metal_pressure_Pa(face, pressed, sunk_m)
+    if pressure_Pa is not pressed.pressure_Pa:
+        sunk_m = sunk_m + face.half_space.sinking_m(pressed.pressure_Pa - pressure_Pa)
+    lower_m = float(np.min(face.depth_m + sunk_m, where=face.measured, initial=np.inf))
+    left = replace(
+        pressed,
+        pressure_Pa=pressure_Pa,
+        gap_m=gap_m,
+        approach_m=pressed.approach_m - lower_m,
+        yielded=yielded,
+        over_hardness=over_hardness,
+        bounded_Pa=pressed.max_pressure_Pa,
+    )
+    return face.flattened(sunk_m), left
+
+
+def metal_pressure_Pa(
+    face: ElasticFace, pressed: Pressed, sunk_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pressures as metal has them after a first load, and p0 / H where each point lies.
+
+    One bound on the pressures gives the area of a contact, but not where in it the load is: metal
+    yields below its surface before, and is flatter in its middle then, and where the bound makes a
+    flat of even pressure to the very edge, it bears less there. What a contact loses as it unloads
+    hangs on its edge. So each part of it keeps its load, and gets the pressures that a sphere has
+    by finite elements at the same p0 / H, by how far each point is from the edge. p0 / H follows
+    from the greatest pressure where that is below the hardness, else from how deep it has sunk.
+    Where a contact narrows and widens again another part begins.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        With its hardness.
+    pressed : Pressed
+        Its state under the first load.
+    sunk_m : float64, of the shape of the face
+        By how much its points have sunk for good under their bound.
+
+    Returns
+    -------
+    float64, float64, of the shape of the face each
+        The second is 0 where there is no contact.
+    """
+    at = np.flatnonzero(pressed.pressure_Pa)
+    pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
+    to_edge_m, part = _parts(face, at)
+    n_points = np.bincount(part)
+    most_Pa, deepest_m, widest_m = np.zeros((3, n_points.size))
+    np.maximum.at(most_Pa, part, pressure_Pa)
+    np.maximum.at(deepest_m, part, sunk_m.reshape(-1)[at])
+    np.maximum.at(widest_m, part, to_edge_m)
+    relative = deepest_m * face.E_star_Pa / (face.hardness_Pa * widest_m)
+    sunk = np.interp(relative, SUNK, SUNK_AT)
+    over = np.where(most_Pa < face.hardness_Pa, most_Pa / face.hardness_Pa, sunk)[part]
+    over_hardness, found_Pa = np.zeros(face.shape), pressed.pressure_Pa
+    over_hardness.reshape(-1)[at] = over
+    if (over <= OVER_HARDNESS[0]).all():
+        return found_Pa, over_hardness
+    inside = to_edge_m / widest_m[part]
+    place = inside * (2.0 - inside)
+    load_Pa = np.bincount(part, weights=pressure_Pa)
+    hertz_Pa = 1.5 * (load_Pa / n_points)[part] * np.sqrt(place)
+    as_round = np.clip((over - _AS_SOLVED) / (_AS_ROUND - _AS_SOLVED), 0.0, 1.0)
+    metal_Pa = (1.0 - as_round) * pressure_Pa + as_round * hertz_Pa
+    metal_Pa *= _of_metal(over, place)
+    metal_Pa *= (load_Pa / np.bincount(part, weights=metal_Pa))[part]
+    found_Pa = found_Pa.copy()
+    found_Pa.reshape(-1)[at] = metal_Pa
+    return found_Pa, over_hardness
+
+
+def _of_metal(over: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Interpolate `OF_METAL` at p0 / H and the place of each point."""
+    rows = np.interp(over, OVER_HARDNESS, np.arange(len(OVER_HARDNESS)))
+    columns = np.interp(place, PLACES, np.arange(len(PLACES)))
+    row, column = (
+        np.minimum(one.astype(int), n - 2)
+        for one, n in zip((rows, columns), OF_METAL.shape, strict=True)
+    )
+    down, along = rows - row, columns - column
+    upper, lower = (
+        (1.0 - along) * OF_METAL[at, column] + along * OF_METAL[at, column + 1]
+        for at in (row, row + 1)
+    )
+    return np.asarray((1.0 - down) * upper + down * lower)
+
+
+def _parts(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far points that touch are from the edge, and the part in which each lies.
+
+    Of points as flat indices. Their distance is that to the next one outside, less half of one;
+    from each the way up along it, from neighbour to neighbour, ends in the middle of its part.
+    """
+    from scipy.spatial import cKDTree
+
+    places_m = (np.broadcast_to(one, face.shape).reshape(-1)[at] for one in face.places_m)
+    sizes_m = reversed(face.pixel_size_m)
+    column, row = (
+        np.rint(one_m / size_m - 0.5).astype(int)
+        for one_m, size_m in zip(places_m, sizes_m, strict=True)
+    )
+    row, column = row - row.min() + 1, column - column.min() + 1
+    width = int(column.max()) + 2
+    number = row * width + column
+    steps = np.array([1, width - 1, width, width + 1])[:, None]
+    beside = np.concatenate((number - steps, number + steps))
+    edge = np.transpose(np.divmod(np.setdiff1d(beside, number), width)) * face.pixel_size_m
+    apart_m, _ = cKDTree(edge).query(np.transpose((row, column)) * face.pixel_size_m)
+    to_edge_m = apart_m - 0.5 * min(face.pixel_size_m)
+    order = np.argsort(number)
+    found = order[np.minimum(np.searchsorted(number, beside, sorter=order), order.size - 1)]
+    height = np.argsort(np.argsort(to_edge_m, kind="stable"))  # equal ones in one order
+    up = np.where(number[found] == beside, height[found], -1)
+    highest = up.argmax(axis=0), np.arange(at.size)
+    end = np.where(up[highest] > height, found[highest], highest[1])
+    while (end[end] != end).any():
+        end = end[end]
+    return to_edge_m, np.unique(end, return_inverse=True)[1]
