@@ -116,7 +116,10 @@ def test_both_thinned_maps_count_as_the_root_of_their_mean_square(monkeypatch):
     moved = [np.abs(one - before) / np.maximum(one, before) for one in of_each]
     assert len(moved) == 2
     assert not np.allclose(*moved)
-    assert list(found.values()) == pytest.approx(np.sqrt(0.5 * (moved[0] ** 2 + moved[1] ** 2)))
+    expected = np.sqrt(0.5 * (moved[0] ** 2 + moved[1] ** 2))
+    for i in range(1, len(expected)):  # of metal no less than two thirds of what it was before
+        expected[i] = max(expected[i], 2.0 / 3.0 * expected[i - 1])
+    assert list(found.values()) == pytest.approx(expected)
     assert tuple(found) == detail.FORCE_SHARES
 
 
@@ -174,7 +177,7 @@ def test_energies_of_refined_flats_are_nearer_and_within_what_half_the_points_te
     stiffness = unloading.stiffness_N_per_m / finer.stiffness_N_per_m
     assert stiffness == pytest.approx(1.0, abs=0.003)
     assert errors.stiffness < TOLERANCE
-    assert (off < (0.02, 0.06, 0.01, 0.003)).all()
+    assert (off < (0.03, 0.06, 0.01, 0.007)).all()
     assert (off <= said).all()
     assert np.median(said / np.maximum(off, 0.003)) < 8.0
 

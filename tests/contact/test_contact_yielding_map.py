@@ -305,7 +305,7 @@ def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
         float(slip_curve(curve, load_N, 0.2, contact.composite.kappa).energy_at_force_J(0.1))
         for curve in (contact.curve, contact.curve_after(load_N, 1.0 + 1e-9))
     ]
-    assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-3)
+    assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-2)
     half = contact.curve_after(0.5 * load_N)
     assert half.yielded_area_m2 < contact.yielded_area_m2
     # The next begins at the least known load that is greater

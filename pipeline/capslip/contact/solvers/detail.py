@@ -21,6 +21,9 @@ from capslip.problems import Effect
 from capslip.surface.filters import blurred
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+# Of what pixels move of the energies of metal at a force, what they do at the next greater one: at
+# least, as contacts of few pixels are too even there, on all maps alike
+_OF_SMALLER = 2.0 / 3.0
 _FLATS_95 = 1.5  # of what half the points move of the loss of flats: 95 % are off by no more
 FEW_SLIP = FORCE_SHARES[:2]  # those at which so few points slip that it matters where they lie
 WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
@@ -260,6 +263,9 @@ def effect_of_pixels(
         _, loss_J = _below(face, replace(pressed, turns=first.turns), tolerance, most, until_s)
         moved.append(_relative(_loss_J(unloading), loss_J))
     energy = np.sqrt(np.mean(np.square(moved), axis=0))
+    if not math.isinf(first.face.hardness_Pa):
+        for i in range(1, len(energy)):
+            energy[i] = max(energy[i], _OF_SMALLER * energy[i - 1])
     return dict(zip(FORCE_SHARES, energy.tolist(), strict=True))
 
 

@@ -122,7 +122,9 @@ def metal_pressure_Pa(
     load_Pa = np.bincount(part, weights=pressure_Pa)
     hertz_Pa = 1.5 * (load_Pa / n_points)[part] * np.sqrt(place)
     as_round = np.clip((over - _AS_SOLVED) / (_AS_ROUND - _AS_SOLVED), 0.0, 1.0)
-    metal_Pa = (1.0 - as_round) * pressure_Pa + as_round * hertz_Pa
+    # A pixel that is touched in part alone bears little, wherever it lies
+    round_Pa = np.where(pressure_Pa < face.hardness_Pa, np.minimum(pressure_Pa, hertz_Pa), hertz_Pa)
+    metal_Pa = (1.0 - as_round) * pressure_Pa + as_round * round_Pa
     metal_Pa *= _of_metal(over, place)
     metal_Pa *= (load_Pa / np.bincount(part, weights=metal_Pa))[part]
     found_Pa = found_Pa.copy()
