@@ -184,6 +184,10 @@ TABLE = [
     (("contact/turns.py",), ("tests/contact/test_*levelling*.py",)),
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
     (
+        ("contact/solvers/metal.py", "contact/plastic_law.py"),
+        ("tests/contact/test_*plastic_law*.py", "tests/contact/test_*yielding_map*.py"),
+    ),
+    (
         ("contact/solvers/refinement.py",),
         (
             *("tests/contact/test_*patches*.py", "tests/contact/test_*between*.py"),
