@@ -384,7 +384,7 @@ def test_the_cards_of_a_map_that_stands_higher_between_its_pixels_begin_where_it
     (part,), higher = written[0].parts, 1.15
     elastic, map_rung = (
         part.contact.curve,
-        replace(rung("boundary_elements"), least_share=None, at_forces=None),
+        replace(rung("boundary_elements"), least_share=None, at_forces=None, touching=None),
     )
 
     def first(load_N, _):

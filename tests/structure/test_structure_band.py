@@ -550,7 +550,7 @@ def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(
         ends_J.append(MU**2 * STEEL.kappa * float(loss_J))
     low, high = sorted(ends_J)
     off = np.abs(np.log(np.array(found.interval["energy_J"]) / (low, high)))
-    assert off.max() < max(0.03 * np.log(high / low), 0.01)  # the latter between solved loads
+    assert off.max() < max(0.035 * np.log(high / low), 0.01)  # the latter between solved loads
 
 
 @pytest.mark.usefixtures("fewer_points")
