@@ -281,7 +281,10 @@ TABLE = [
     ),
     (("studies/paper/*.py", "studies/page.py"), ("tests/studies/test_reproduce.py",)),
     (("studies/clock.py",), ("tests/studies/test_bench.py",)),
-    (("studies/real_scans.py", "studies/validation.py"), ("tests/studies/test_{stem}.py",)),
+    (
+        ("studies/real_scans.py", "studies/validation.py", "studies/plastic_sphere.py"),
+        ("tests/studies/test_{stem}.py",),
+    ),
     *(
         ((f"studies/{name}/*.py",), (f"tests/studies/test_{name}*.py",))
         for name in ("band", "bench", "chart", "level", "limits", "theorem")
