@@ -65,10 +65,10 @@ def analysis_of(load_N, hardness_Pa, *more):
 # By finite elements of a sphere, over a Hertz contact of the same load and radius: W at 0.25, 0.5
 # and 0.75 mu N, and how much displacement there is beyond that of the stiffness at 0.25
 FINITE_ELEMENTS = {
-    0.839: ((0.867, 0.843, 0.824), 0.88),
-    1.242: ((0.561, 0.616, 0.661), 0.56),
-    1.957: ((0.414, 0.497, 0.556), 0.36),
-    3.925: ((0.241, 0.359, 0.457), 0.20),
+    0.839: ((0.867, 0.843, 0.823), 0.88),
+    1.244: ((0.558, 0.612, 0.655), 0.56),
+    1.961: ((0.397, 0.482, 0.547), 0.35),
+    3.931: ((0.224, 0.347, 0.451), 0.19),
 }
 
 
@@ -106,12 +106,12 @@ def test_a_map_that_yields_loses_what_finite_elements_do(over_hardness):
     T = MU * load_N * np.array((0.25, 0.5, 0.75))
     of_hertz_J = slip_curve(hertz, load_N, MU, STEEL.kappa).energy_at_force_J(T)
     off = slip.energy_at_force_J(T) / of_hertz_J / FINITE_ELEMENTS[over_hardness][0] - 1.0
-    assert np.abs(off)[1:].max() < 0.04
+    assert np.abs(off)[1:].max() < 0.05
     assert abs(off[0]) < 0.12
 
 
 def test_at_a_given_displacement_force_and_energy_move_as_the_curve_does():
-    load_N, hardness_Pa, _ = pressed(1.957)
+    load_N, hardness_Pa, _ = pressed(1.961)
     asked = analysis_of(load_N, hardness_Pa)
     e_m, T = asked.answer.displacement_m, asked.answer.slip_force_N
     found = analysis_of(load_N, hardness_Pa, f"answer.displacement_m={e_m}")
@@ -139,17 +139,17 @@ def test_where_all_is_plastic_the_areas_agree_and_a_part_of_the_logarithm_is_ope
     curve = boundary_elements(sphere(), E, preload_N=load_N, hardness_Pa=hardness_Pa)
     law = law_of_map(curve, load_N)
     assert abs(law.stiffness) < 0.003
-    for share, ratio in zip(SHARES, (0.125, 0.222, 0.351, 0.465), strict=True):
+    for share, ratio in zip(SHARES, (0.121, 0.204, 0.344, 0.468), strict=True):
         assert law.shift(share) == (-law.stiffness, -law.stiffness)
         assert law.half_95(share)[2, 1] == pytest.approx(-UNLOADING_95 * math.log(ratio), abs=0.02)
 
 
 def test_caps_that_yielded_are_expected_to_lose_what_finite_elements_do():
     """Each by its own p0 / H, and by the load on it."""
-    over, load_N = np.array((0.3, 1.242)), np.array((3.0, 1.0))
+    over, load_N = np.array((0.3, 1.244)), np.array((3.0, 1.0))
     assert law_of_caps(over[:1], load_N[:1], 1.0) is None
     law = law_of_caps(over, load_N, 0.5)
-    (at_a_quarter, at_a_half, _), beyond = FINITE_ELEMENTS[1.242]
+    (at_a_quarter, at_a_half, _), beyond = FINITE_ELEMENTS[1.244]
     for share, ratio in ((0.25, at_a_quarter), (0.5, at_a_half)):
         assert law.shift(share)[1] == pytest.approx(math.log(0.75 + 0.25 * ratio), abs=1e-3)
     of_hertz = 1.5 * (1.0 - 0.75 ** (2.0 / 3.0)) / 0.25  # displacement over that of the stiffness
