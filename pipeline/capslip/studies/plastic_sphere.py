@@ -1,6 +1,6 @@
 """Finite elements of a sphere that yields: its pressures, what it loses below, its radius.
 
-`python -m capslip.studies.plastic_sphere` prints the tables of all cases, in some minutes.
+`python -m capslip.studies.plastic_sphere` prints the tables, in ten minutes.
 
 A rigid parabola r^2 / 2 R is pressed into an elastic-plastic half-space, which is what a sphere of
 small a / R and a plane are, whichever yields. Strains are small; Y is the yield stress. All follows
@@ -312,7 +312,8 @@ def pressed(body: Body) -> Contact:
     """Press the parabola in until the contact has a radius of about 1.
 
     Ring by ring: in longer steps the strains next to the edge go straight where they should turn,
-    and W comes out up to 5 % higher.
+    and W comes out up to 5 % higher. Quarters of these steps take off another 2 % at
+    p0 / H = 1.96 and F / N = 0.25, and 1.5 % at a half and three quarters (250 rings).
 
     Raises
     ------
