@@ -400,7 +400,7 @@ def test_caps_stand_in_for_a_map_that_fails_where_the_choice_was_free(
         hills=SimpleNamespace(noise_m=0.0),
         conditioned=SimpleNamespace(surface=face()),
         families=None,
-        label=None,
+        label="hills of one map",
     )
     chosen = settings(f"contact.model={model}")
     if asked == 1:

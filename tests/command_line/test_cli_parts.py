@@ -281,6 +281,7 @@ def test_a_note_that_came_with_what_was_written_is_told():
 
 
 SIZES = ("--unit", "um", "--lateral-unit", "um", "--pixel-size", "1", "2")
+AREA = ("--area", "1cm2")  # of the joint of several scans
 
 
 def test_one_scan_is_analysed_written_and_told(analysed):
@@ -336,13 +337,13 @@ def test_the_result_of_another_scan_is_not_replaced_without_a_word(analysed):
 def test_a_result_of_other_scans_of_a_joint_is_not_replaced_without_a_word(analysed):
     scans = [{"path": one, "sha256": one} for one in ("b.npy", "a.npy")]
     there("results/a-and-1-more", surface=None, scans=scans)
-    assert warned("a.npy", "b.npy") == []
+    assert warned("a.npy", "b.npy", *AREA) == []
     scans += [{"path": one, "sha256": one} for one in ("d.npy", "e.npy")]
     there("results/a-and-1-more", surface=None, scans=scans)
-    (line,) = warned("a.npy", "b.npy")
+    (line,) = warned("a.npy", "b.npy", *AREA)
     assert "results/a-and-1-more holds a result of d.npy and e.npy, which" in line
     there("out", surface=None, scans=scans)
-    assert warned("a.npy", "b.npy", "-o", "out") == []
+    assert warned("a.npy", "b.npy", *AREA, "-o", "out") == []
 
 
 def test_another_map_of_the_same_file_is_another_scan(tmp_path):
@@ -353,26 +354,28 @@ def test_another_map_of_the_same_file_is_another_scan(tmp_path):
 
 
 def test_several_scans_are_one_joint(analysed):
-    ran = run("analyze", "a.npy", "b.npy", *SIZES)
+    ran = run("analyze", "a.npy", "b.npy", *SIZES, *AREA)
     assert ran.exit_code == 0, ran.output
     assert [Path(one).name for one in analysed.several[0]] == ["a.npy", "b.npy"]
     folder = Path("results/a-and-1-more")
     assert analysed.written == (folder, "capslip", True, None, None)
     assert ran.stdout == f"lines of result\n{where(folder)}"
     assert "analysing 2 scans" in ran.stderr
-    ran = run("analyze", "a.npy", "b.npy", *SIZES, "-o", "out", "--json", "--export", "jenkins")
+    ran = run(
+        "analyze", "a.npy", "b.npy", *SIZES, *AREA, "-o", "out", "--json", "--export", "jenkins"
+    )
     assert (ran.stdout, analysed.written[0]) == (AS_JSON, Path("out"))
     assert analysed.written[3] == "jenkins"
-    assert run("analyze", "a.npy", "b.npy", *SIZES, "-q").output == ""
-    alike = run("analyze", "a.npy", "b.npy", "c.npy", *SIZES)
+    assert run("analyze", "a.npy", "b.npy", *SIZES, *AREA, "-q").output == ""
+    alike = run("analyze", "a.npy", "b.npy", "c.npy", *SIZES, *AREA)
     assert alike.exit_code == 2
     assert "c.npy: holds what " in alike.stderr
-    mated = run("analyze", "a.npy", "b.npy", *SIZES, "--mate", "c.npy")
+    mated = run("analyze", "a.npy", "b.npy", *SIZES, *AREA, "--mate", "c.npy")
     assert mated.exit_code == 2
     assert "--mate: got 2 scans" in mated.stderr
 
 
-@pytest.mark.parametrize("scans", [("a.npy",), ("a.npy", "b.npy")])
+@pytest.mark.parametrize("scans", [("a.npy",), ("a.npy", "b.npy", *AREA)])
 def test_an_error_in_a_result_or_a_part_that_is_missing_ends_with_its_code(scans, analysed):
     note = Problem("one_family", "info", "noted")
     analysed.problems = (note, Problem("no_caps", "error", "nothing stands"))

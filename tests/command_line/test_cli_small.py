@@ -149,7 +149,8 @@ def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):
     assert settings.contact.model == "families"
     assert not settings.run.figures
     assert not settings.run.render
-    assert (ran.stdout, ran.stderr) == ("", "")
+    said = "warning: contact.preload_N: got 100 and 200.0; the last counts, 200.0\n"
+    assert (ran.stdout, ran.stderr) == ("", said)
 
 
 def test_a_material_that_is_named_beats_what_the_file_says_of_another(tmp_path):

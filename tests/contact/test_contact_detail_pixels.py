@@ -177,7 +177,7 @@ def test_energies_of_refined_flats_are_nearer_and_within_what_half_the_points_te
     stiffness = unloading.stiffness_N_per_m / finer.stiffness_N_per_m
     assert stiffness == pytest.approx(1.0, abs=0.003)
     assert errors.stiffness < TOLERANCE
-    assert (off < (0.03, 0.06, 0.01, 0.007)).all()
+    assert (off < (0.035, 0.06, 0.01, 0.007)).all()
     assert (off <= said).all()
     assert np.median(said / np.maximum(off, 0.003)) < 8.0
 

@@ -49,8 +49,8 @@ def joint_of(load_N, weight):
 def states(load_N, found=LIGHT, says=OF_LIGHT):
     asked = []
 
-    def error(curve, load_N, tolerance, noise_m, filtered):
-        assert not filtered
+    def error(curve, load_N, tolerance, noise_m, filtered, period_m):
+        assert (filtered, period_m) == (False, None)
         asked.append((load_N, tolerance, noise_m))
         if found is None:
             raise ContactError("too few pixels")

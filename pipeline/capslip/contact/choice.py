@@ -195,8 +195,9 @@ def contact_failed(failure: ContactError, surface: HeightMap | None, settings: S
 def _caps_fail(message: str) -> str:
     """Say once, of which model, why caps fail."""
     name = message.partition(": ")[0]
-    which = f" ({name})" if name in {one.name for one in ladder()} - {"caps"} else ""
-    return f"the caps{which} fail, as {cause(_without_name(message))}"
+    of, known = "the caps", {one.name for one in ladder()}
+    which = f" ({name})" if name in known and not of.endswith(name) else ""
+    return f"{of}{which} fail, as {cause(_without_name(message))}"
 
 
 def _without_name(message: str, of_map: str = "") -> str:

@@ -65,6 +65,7 @@ BLURRED_95 = 2.0, 2.5
 OF_BLURRED = 3.0  # times what it moves of the stiffness: the energy moves 2 to 8 times as much
 MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude none is known anyway
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
+METAL_ERROR = 0.02  # the same of the energy of metal, whose pressures are known at the pixels alone
 # Correlation length of what is missed, over how far the points lie apart: on rough faces of every
 # other point the energy at 0.25 mu N is off by 0.5 to 0.85 standard deviations then
 OF_APART = 0.3
@@ -196,9 +197,10 @@ def error_of_map(
     more = more_time(first.face.depth_m.shape, curve.solutions.time_limit_s)
     if between > tolerance or _unknown_to(unloading) > SMALL_SLIP:
         found.append(_between_loads(unloading, more))
-    least = max(between, LEAST_ERROR)
+    law = law_of_map(curve, load_N)
+    least = max(between, LEAST_ERROR if law is None else METAL_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
-    counted_m, law = _counted_m(white_m, first.approach_m), law_of_map(curve, load_N)
+    counted_m = _counted_m(white_m, first.approach_m)
     causes = _Causes(unloading, counted_m, law=law, of_contact=of_contact(curve, load_N))
     if noise_m is not None:
         causes = replace(causes, given=_of_given(curve, load_N, first, noise_m))

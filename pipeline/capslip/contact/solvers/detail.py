@@ -24,7 +24,7 @@ FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are co
 # Of what pixels move of the energies of metal at a force, what they do at the next greater one: at
 # least, as contacts of few pixels are too even there, on all maps alike
 _OF_SMALLER = 2.0 / 3.0
-_FLATS_95 = 1.5  # of what half the points move of the loss of flats: 95 % are off by no more
+_FLATS_95 = 2.0  # of what half the points move of the loss of flats: 95 % are off by no more
 FEW_SLIP = FORCE_SHARES[:2]  # those at which so few points slip that it matters where they lie
 WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
 WHITE_TAKEN = 0.85  # of the same: the rms of what is taken off, as the parts overlap
