@@ -178,6 +178,17 @@ def test_a_loaded_map_is_in_equilibrium_and_unloads_from_where_it_is(balanced, s
     assert np.abs(again.pressure_Pa - p).sum() < 1e-4 * p.sum()
 
 
+def test_what_has_yielded_is_known_where_the_slip_of_pixels_is_followed():
+    surface = rough(96, 1)
+    white_m = np.random.default_rng(1).normal(0.0, 2e-8, surface.shape)  # no spline follows that
+    surface = replace(surface, height_m=surface.height_m + white_m)
+    curve = boundary_elements(surface, E, preload_N=0.2, hardness_Pa=2e9)
+    unloading = curve.unloading(0.2)
+    assert unloading.refinement == 1
+    assert unloading.max_pressure_Pa == curve.pressed(0.2).max_pressure_Pa == 2e9
+    assert 0.0 < unloading.yielded_area_m2 == pytest.approx(curve.yielded_area_m2, rel=1e-12)
+
+
 @pytest.mark.parametrize(("across", "balanced"), [(1.2, True), (2.0, False)])
 def test_a_contact_yields_between_its_pixels_though_none_of_them_does(across, balanced):
     """Hertz's greatest pressure is 1.3 times the hardness, the greatest of a pixel is below it."""

@@ -100,10 +100,13 @@ def metal_pressure_Pa(
     Returns
     -------
     float64, float64, of the shape of the face each
-        The second is 0 where there is no contact.
+        The second is 0 where there is no contact, and where none of the face is near its hardness.
     """
-    at = np.flatnonzero(pressed.pressure_Pa)
-    pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
+    over_hardness, found_Pa = np.zeros(face.shape), pressed.pressure_Pa
+    if pressed.max_pressure_Pa <= OVER_HARDNESS[0] * face.hardness_Pa:
+        return found_Pa, over_hardness
+    at = np.flatnonzero(found_Pa)
+    pressure_Pa = found_Pa.reshape(-1)[at]
     to_edge_m, part = _parts(face, at)
     n_points = np.bincount(part)
     most_Pa, deepest_m, widest_m = np.zeros((3, n_points.size))
@@ -113,10 +116,7 @@ def metal_pressure_Pa(
     relative = deepest_m * face.E_star_Pa / (face.hardness_Pa * widest_m)
     sunk = np.interp(relative, SUNK, SUNK_AT)
     over = np.where(most_Pa < face.hardness_Pa, most_Pa / face.hardness_Pa, sunk)[part]
-    over_hardness, found_Pa = np.zeros(face.shape), pressed.pressure_Pa
     over_hardness.reshape(-1)[at] = over
-    if (over <= OVER_HARDNESS[0]).all():
-        return found_Pa, over_hardness
     inside = to_edge_m / widest_m[part]
     place = inside * (2.0 - inside)
     load_Pa = np.bincount(part, weights=pressure_Pa)

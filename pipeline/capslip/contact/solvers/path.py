@@ -309,6 +309,9 @@ def _on_patches(
         else:
             if not math.isinf(turned.hardness_Pa):  # as it was before it yielded
                 turned, state = first_loading(turned, state)
+            elif pressed.yielded is not None:  # the points of the map, as it left them
+                yielded, most_Pa = patches.gathered(pressed.yielded), pressed.bounded_Pa
+                state = replace(state, yielded=yielded, bounded_Pa=most_Pa)
             return patches, turned, state, _regions(patches, pressed)
         contact, further = _with(contact, ends, further), 2 * further
         near_Pa = patches.spread(begin_Pa)
