@@ -8,6 +8,7 @@ import numpy as np
 
 from capslip.contact.bulk import bulk_of_face_m_per_N, share_of_contact
 from capslip.contact.map_curve import BoundaryElementCurve
+from capslip.contact.solvers.metal import OVER_HARDNESS
 from capslip.problems import Effect, Problem, Severity
 from capslip.units import percent
 
@@ -17,9 +18,8 @@ from capslip.units import percent
 MAP_AT = (0.795, 0.85, 0.9, 1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0)
 STIFFNESS = (1.0, 0.986, 0.973, 0.949, 0.928, 0.907, 0.895, 0.9, 0.912, 0.942, 0.964, 0.989, 1.0)
 # And its unloading by finite elements, over that of an elastic contact of the same load and radius:
-# energies and displacements, a row for each share of mu N
+# energies and displacements, a row for each share of mu N, at each of `OVER_HARDNESS`
 SHARES = (0.1, 0.25, 0.5, 0.75)
-UNLOADS_AT = (0.6, 0.696, 0.839, 0.995, 1.244, 1.485, 1.961, 2.929, 3.931, 5.993)
 ENERGY = (
     (1.0, 0.972, 0.882, 0.764, 0.563, 0.389, 0.314, 0.193, 0.141, 0.121),
     (1.0, 0.967, 0.867, 0.745, 0.558, 0.49, 0.397, 0.274, 0.224, 0.204),
@@ -99,7 +99,7 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     load_N : float
     """
     pressed = curve.pressed(load_N)
-    if pressed.over_hardness is None or (pressed.over_hardness <= UNLOADS_AT[0]).all():
+    if pressed.over_hardness is None or (pressed.over_hardness <= OVER_HARDNESS[0]).all():
         return None
     weighed_N = pressed.sum_over_regions(pressed.pressure_Pa * pressed.over_hardness)
     over = weighed_N / pressed.region_loads_N
@@ -123,7 +123,7 @@ def law_of_caps(over: np.ndarray, load_N: np.ndarray, share: float) -> LawError 
     share : float
         Of the contacts in the compliance, see `share_of_contact`.
     """
-    if (over <= UNLOADS_AT[0]).all():
+    if (over <= OVER_HARDNESS[0]).all():
         return None
     energy, displacement = (_logs(one, over, load_N) for one in (ENERGY, DISPLACEMENT))
     left_open = tuple(-UNLOADING_95 * one for one in energy)
@@ -135,7 +135,7 @@ def _logs(
     rows: tuple[tuple[float, ...], ...], over: np.ndarray, load_N: np.ndarray
 ) -> tuple[float, ...]:
     """Return the logarithms of means over the loads at p0 / H, one for each row."""
-    each = (load_N @ np.interp(over, UNLOADS_AT, row) / load_N.sum() for row in rows)
+    each = (load_N @ np.interp(over, OVER_HARDNESS, row) / load_N.sum() for row in rows)
     return tuple(math.log(one) for one in each)
 
 

@@ -1,14 +1,13 @@
 """What makes a height map doubtful before anything is computed from it."""
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.form import remove_form
+from capslip.surface.form import height_taken_off_m, remove_form
 from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
@@ -238,8 +237,7 @@ def problems_of_long_waves(
     """
     if unfiltered is None:
         return []
-    long = replace(surface, height_m=unfiltered.height_m - surface.height_m)
-    height_m = float(np.ptp(remove_form(long, "plane")[0].height_m[surface.measured]))
+    height_m = height_taken_off_m(unfiltered, surface)
     if height_m <= VISIBLE_RIPPLE * approach_m:
         return []
     message = (

@@ -124,6 +124,12 @@ def remove_form(
     return rest, Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
 
 
+def height_taken_off_m(before: HeightMap, after: HeightMap) -> float:
+    """Return how high that is by which one map of the same points differs, beside a plane."""
+    taken = replace(after, height_m=before.height_m - after.height_m)
+    return float(np.ptp(remove_form(taken, "plane")[0].height_m[after.measured]))
+
+
 def level_and_straight(
     surface: HeightMap, floor: bool = False, degree: int = 2
 ) -> tuple[HeightMap, HeightMap]:

@@ -8,7 +8,7 @@ import numpy as np
 from capslip.problems import Problem
 from capslip.surface.doubts import VISIBLE_RIPPLE
 from capslip.surface.flatness import MOSTLY_FORM
-from capslip.surface.form import remove_form
+from capslip.surface.form import height_taken_off_m
 from capslip.surface.heightmap import HeightMap
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def taken_form(before: HeightMap, after: HeightMap, degree: int | None) -> Taken
 
     Examples
     --------
+    >>> from capslip.surface.form import remove_form
     >>> bowed = HeightMap(np.outer(np.ones(40), np.linspace(-1.0, 1.0, 60) ** 2), (1e-4, 1e-4))
     >>> straight, _ = remove_form(bowed, "quadratic")
     >>> again = taken_form(bowed, straight, 2).put_back(straight)
@@ -102,8 +103,7 @@ def problems_of_taken_form(
     """
     if with_form is None:
         return []
-    form = replace(surface, height_m=with_form.height_m - surface.height_m)
-    height_m = float(np.ptp(remove_form(form, "plane")[0].height_m[surface.measured]))
+    height_m = height_taken_off_m(with_form, surface)
     if height_m <= VISIBLE_RIPPLE * approach_m:
         return []
     kind = settings.conditioning.form

@@ -131,6 +131,14 @@ class ElasticFace:
         ny, nx = self.shape
         return (np.arange(nx) + 0.5)[None, :] * dx_m, (np.arange(ny) + 0.5)[:, None] * dy_m
 
+    def lattice(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows and columns of points, as flat indices, in the grid that they are of."""
+        row, column = (
+            np.rint(np.broadcast_to(at_m, self.shape).reshape(-1)[points] / size_m - 0.5)
+            for at_m, size_m in zip(reversed(self.places_m), self.pixel_size_m, strict=True)
+        )
+        return row.astype(np.intp), column.astype(np.intp)
+
     @property
     def shape(self) -> tuple[int, int]:
         """(ny, nx)."""

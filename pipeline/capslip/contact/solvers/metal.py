@@ -156,12 +156,7 @@ def _parts(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     from scipy.spatial import cKDTree
 
-    places_m = (np.broadcast_to(one, face.shape).reshape(-1)[at] for one in face.places_m)
-    sizes_m = reversed(face.pixel_size_m)
-    column, row = (
-        np.rint(one_m / size_m - 0.5).astype(int)
-        for one_m, size_m in zip(places_m, sizes_m, strict=True)
-    )
+    row, column = face.lattice(at)
     row, column = row - row.min() + 1, column - column.min() + 1
     width = int(column.max()) + 2
     number = row * width + column

@@ -209,10 +209,7 @@ def half_space_around(
     if _cost(boxes, counts) > most_cost:
         return None
     half_space = PatchedHalfSpace(boxes, counts, face.pixel_size_m, face.E_star_Pa)
-    column, row = (
-        np.rint(at_m[points] / size_m - 0.5).astype(np.intp)
-        for at_m, size_m in zip(face.at_m, face.pixel_size_m[::-1], strict=True)
-    )
+    row, column = face.lattice(points)
     place, first = np.full(len(points), -1), 0
     for y0, x0, y1, x1 in boxes.tolist():
         inside = (row >= y0) & (row < y1) & (column >= x0) & (column < x1)
