@@ -34,7 +34,9 @@ ALIGNMENT = (
     "eccentricity_m",
     "resultant_off_load_point_m",
 )
-ROUNDING = 1e-9  # of the face; a resultant that is less off the load point is on it
+# Of the face: a resultant that is less off the load point is on it. A contact that yielded keeps
+# its load and not its moment, which leaves nanometres on a face of millimetres.
+ON_POINT = 1e-6
 
 
 def summary_of(
@@ -252,7 +254,7 @@ def alignment_table(analysis: "Analysis") -> dict[str, Any]:
     balanced = level is not None or any(contact.tilt_rad)
     ly_m, lx_m = analysis.surface.side_m
     off_m = None if contact.eccentricity_m is None else math.hypot(*contact.eccentricity_m)
-    if off_m is not None and off_m < ROUNDING * math.hypot(ly_m, lx_m):
+    if off_m is not None and off_m < ON_POINT * math.hypot(ly_m, lx_m):
         off_m = 0.0
     across_m = float(np.abs(tilt_rad) @ (lx_m, ly_m))
     lies = ("balanced" if balanced else "as_levelled", tilt_rad, across_m)

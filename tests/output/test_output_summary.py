@@ -169,8 +169,8 @@ def test_stages_that_could_not_run_are_absent(several):
     assert "no loss factor" in repr(failed)
 
 
-def test_a_resultant_that_is_off_by_rounding_is_on_the_load_point(several):
-    for off_m, said_m in ((5e-18, 0.0), (1e-6, 1e-6)):
+def test_a_resultant_that_is_off_by_nothing_of_the_face_is_on_the_load_point(several):
+    for off_m, said_m in ((5e-18, 0.0), (1.45e-9, 0.0), (1e-6, 1e-6)):
         contact = replace(several.contact, eccentricity_m=(off_m, 0.0))
         found = replace(several, contact=contact).summary()["contact"]
         assert found["resultant_off_load_point_m"] == said_m
