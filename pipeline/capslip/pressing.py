@@ -44,11 +44,13 @@ from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import BothFailError, ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
-from capslip.stages import Clock, Face
+from capslip.stages import Clock, Face, levelled_anew
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import known_noise_m
 from capslip.units import off_by
 
+# Of the preload, where caps are sought anew to see whether they stay, by stiffness and energies
+SOUGHT_AT, ASKED_OF_CAPS, SAME_CAPS = (0.01, 0.03, 0.1, 0.3, 0.6, 2.0), (0.1, 0.25, 0.5), 0.1
 BETTER_SCAN = "average several scans (capslip average), or scan with more points on each hill"
 
 WithDoubts = tuple[ContactState, tuple[Problem, ...]]
@@ -132,13 +134,44 @@ def _sheared(
     return found, slip, dearer
 
 
-def _with_levels(face: Face, contact: ContactState, settings: Settings) -> ContactState:
-    """Return a pressed face that knows how it lies under other pressures."""
+def finding_caps_anew(face: Face, contact: ContactState, settings: Settings) -> ContactState:
+    """Return a balanced face of caps that finds them anew under other pressures, as its level.
+
+    Cut, fitted as deep as they are compressed there, and turned: as an analysis would find it. The
+    same face where that moves less than a tenth.
+
+    Raises
+    ------
+    ContactError
+        If the face cannot carry one of the loads under which that is seen.
+    """
+    if contact.at_level is None or face.level is None or contact.rung.made_from != "spheres":
+        return contact
+    anew = _with_levels(face, contact, settings, fits=True)
+    # Each takes as long as the level of the analysis: where the caps stay, they need not be sought
+    same = all(_alike(contact, anew, factor * contact.preload_N) for factor in SOUGHT_AT)
+    return contact if same else anew
+
+
+def _alike(kept: ContactState, anew: ContactState, load_N: float) -> bool:
+    """Tell whether two states answer alike under a load, in stiffness and energies."""
+    answers = []
+    for curve in (one.of_patch(load_N).curve for one in (kept, anew)):
+        d, drop_N = curve.approach_m(load_N), np.array(ASKED_OF_CAPS) * load_N
+        K, L = curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N)
+        answers.append(np.append(K, L))
+    return bool(np.abs(answers[1] / answers[0] - 1.0).max() <= SAME_CAPS)
+
+
+def _with_levels(
+    face: Face, contact: ContactState, settings: Settings, fits: bool = False
+) -> ContactState:
+    """Return a pressed face that knows how it lies under other pressures, or all that touches."""
     if not finds_its_level(face, contact, settings):
         return contact
 
     def anew(load_N: float) -> ContactState:
-        pressed, caps = _lying_anew(face, contact, load_N, settings)
+        pressed, caps = _lying_anew(face, contact, load_N, settings, fits)
         if contact.kappa_along is None:
             return pressed
         return with_direction(pressed, caps, face.conditioned.surface, settings)
@@ -320,7 +353,7 @@ def finds_its_level(face: Face, contact: ContactState, settings: Settings) -> bo
 
 
 def _lying_anew(
-    face: Face, contact: ContactState, load_N: float, settings: Settings
+    face: Face, contact: ContactState, load_N: float, settings: Settings, fits: bool
 ) -> tuple[ContactState, CapTable]:
     """Return a scan after a first loading to another load, at the level of that, and its caps.
 
@@ -334,7 +367,9 @@ def _lying_anew(
         cannot be taken off as it was.
     """
     joint = _of_one_scan(face.joint, load_N)
-    face, settings = _at_its_level(face, contact, joint, settings)
+    found = levelled_anew(face, joint, _forced(contact, settings)) if fits else None
+    lying, settings = _at_its_level(face, contact, joint, settings)
+    face = found or lying
     pressed, caps = _pressed(face, settings)
     if pressed.bulk != contact.bulk:
         raise ContactError(f"the bulk sinking cannot be taken off under {load_N:g} N")
@@ -352,9 +387,7 @@ def _at_its_level(
     face: Face, contact: ContactState, joint: Joint, settings: Settings
 ) -> tuple[Face, Settings]:
     """Return a face, and its settings, to press it by the same model for another joint."""
-    change = {"model": contact.rung.name, "bulk": contact.bulk}
-    forced = msgspec.structs.replace(settings.contact, **change)
-    settings = msgspec.structs.replace(settings, contact=forced)
+    settings = _forced(contact, settings)
     if contact.rung.made_from == "map":
         return replace(face, joint=joint), settings
     flags = np.where(contact.use, face.caps.flags, face.caps.flags | UNUSABLE)
@@ -366,6 +399,13 @@ def _at_its_level(
         surface = turned(face.conditioned.surface, slope, at_m)
         face = replace(face, conditioned=replace(face.conditioned, surface=surface))
     return replace(face, joint=joint, caps=caps), settings
+
+
+def _forced(contact: ContactState, settings: Settings) -> Settings:
+    """Return settings that press a face by the model of a state, and keep the bulk as that."""
+    change = {"model": contact.rung.name, "bulk": contact.bulk}
+    forced = msgspec.structs.replace(settings.contact, **change)
+    return msgspec.structs.replace(settings, contact=forced)
 
 
 def _lying(face: Face, contact: ContactState, load_N: float, settings: Settings) -> Face:

@@ -130,6 +130,28 @@ def find_face(
     return _two_maps(mated, (first, second), placement, settings, clock)
 
 
+def levelled_anew(face: Face, joint: Joint, settings: Settings) -> Face | None:
+    """Return a balanced face that finds its level once more, under another load of its scan.
+
+    With the cut and the caps of that: what hardly touched under its own load was fitted to the
+    depth of that, and what lies low was cut off. Nobody asks for their families there.
+
+    Returns
+    -------
+    Face or None
+        None where it finds none, or something holds it upright: that is at ease as levelled.
+    """
+    if settings.contact.alignment_stiffness_Nm_per_rad > 0.0 or face.level is None:
+        return None
+    settings = joint.settings_of_scan(settings)
+    level, _ = _levelled(face.conditioned.surface, settings, Clock())
+    if level is None or level.given_up or not level.caps.usable.any():
+        return None
+    conditioned = replace(face.conditioned, surface=level.surface)
+    found = replace(face, joint=joint, conditioned=conditioned, level=level, hills=level.hills)
+    return replace(found, caps=level.caps, label=level.hills.label)
+
+
 def damp(
     slip: SlipCurve, settings: Settings, clock: Clock, resolved_from: float = 0.0
 ) -> tuple[BeamMode | None, Damping]:

@@ -32,11 +32,13 @@ from capslip.output.exports.law import (
     _without_level,
     deck,
 )
-from capslip.pressing import caps_hold, error_under
+from capslip.pressing import caps_hold, error_under, finding_caps_anew
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
 from capslip.structure.law import law
+from capslip.studies.faces.synthetic import synthetic_surface
+from capslip.studies.limits.tries import hidden_family
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map, noisy_waves
 
@@ -715,6 +717,43 @@ def test_the_law_of_caps_is_that_of_analyses_under_each_pressure(tmp_path, hardn
     EXPORT.write(analysis, tmp_path)
     kept = law_against_analyses(analysis, tmp_path, surface, given, 1e-2)
     assert kept[:, 1].max() > 0.3  # else nothing would turn
+
+
+def test_the_law_of_caps_that_are_cut_and_fitted_anew_is_that_of_analyses(tmp_path, monkeypatch):
+    """P-caps near the cut hardly touch, and the face leans on them under less."""
+    surface, _ = synthetic_surface(hidden_family(0.3e-6, 13510), "hidden")
+    analysis, given = analyze_once(surface, capslip.load_settings()), []
+
+    def asked(parts, *_):
+        given.extend(parts)
+        raise ContactError("no table is needed")
+
+    monkeypatch.setattr("capslip.output.exports.law.law", asked)
+    with pytest.raises(ContactError, match="no table"):
+        EXPORT.write(analysis, tmp_path)
+    (part,), contact = given, analysis.contact
+    mu, off = analysis.slip.friction_coefficient, []
+    for factor in (0.3, 2.0):
+        load_N = factor * contact.preload_N
+        sets = (f"contact.preload_N={load_N!r}", f"contact.model={contact.model}")
+        slip = analyze_once(surface, capslip.load_settings(overrides=sets)).slip
+        force_N = np.array([0.1, 0.25, 0.5]) * mu * load_N
+        for one in (part.contact, contact):
+            patch = one.of_patch(load_N)
+            found = slip_curve(patch.curve, load_N, mu, patch.composite.kappa)
+            K = found.tangential_stiffness_N_per_m / slip.tangential_stiffness_N_per_m
+            W = found.energy_at_force_J(force_N) / slip.energy_at_force_J(force_N)
+            off.append(np.abs(np.append(K, W) - 1.0).max())
+    anew, kept = off[::2], off[1::2]
+    assert max(anew) < 1e-6
+    assert min(kept) > 0.3  # else nothing would have to be found anew
+
+
+def test_caps_that_stay_are_not_sought_under_each_pressure(written):
+    """As each costs as much as the level of the analysis."""
+    analysis, _ = written
+    given = analysis.face, analysis.contact, analysis.settings
+    assert finding_caps_anew(*given) is analysis.contact
 
 
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])

@@ -15,7 +15,7 @@ import numpy as np
 from capslip.disk import hdf5_in_memory
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact, refuse_varying
-from capslip.pressing import caps_hold, error_under
+from capslip.pressing import caps_hold, error_under, finding_caps_anew
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
@@ -95,7 +95,11 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     def holds(factor: float) -> bool:
         return all(_holds(scan, factor) for scan in _scans(result))
 
-    found = law(result.parts, result.settings.material.friction_coefficient, holds)
+    parts, scans = list(result.parts), _scans(result)
+    for i, scan in enumerate(scans):  # of given families there are none
+        contact = finding_caps_anew(scan.face, parts[i].contact, scan.settings)
+        parts[i] = replace(parts[i], contact=contact)
+    found = law(parts, result.settings.material.friction_coefficient, holds)
     problems = _inexact(found, result.settings.contact.tolerance)
     result = replace(result, problems=(*result.problems, *problems))
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
