@@ -108,6 +108,18 @@ def test_a_start_far_away_ends_in_the_same_equilibria(start_m):
         assert found_m[at] == pytest.approx(rest.compression_m, rel=1e-9, abs=1e-17)
 
 
+def test_sets_that_are_at_rest_are_solved_for_no_further_step(monkeypatch):
+    scene, _, _ = face("balanced")
+    curve = RUNG.build(scene)
+    k, h, C = curve.coefficient[None], scene.depth_m[None], curve.pair_compliance_m_per_N
+    level_m, _, g = press_sets(k, h, C, np.full(h.shape, 1e-7), PRELOAD_N)
+    solved, solve = [], np.linalg.solve
+    monkeypatch.setattr(np.linalg, "solve", lambda *of: solved.append(of) or solve(*of))
+    again_m, _, _ = press_sets(k, h, C, g, PRELOAD_N)
+    assert again_m == pytest.approx(level_m, rel=1e-12)
+    assert len(solved) == 2  # contacts and plane, once: the level is not handed on
+
+
 def test_contacts_of_several_sets_are_sheared_as_each_alone():
     """One set lacks a contact that the others have."""
     rng = np.random.default_rng(2)

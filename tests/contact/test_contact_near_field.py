@@ -8,7 +8,7 @@ from capslip.contact.certificate import hertz_over_point_load
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.interacting import interacting
 from capslip.contact.solvers.hertz import loss_of_asperity
-from capslip.contact.solvers.near_field import near_field
+from capslip.contact.solvers.near_field import SMALL, carrying, near_field
 from capslip.contact.solvers.shear import lift_off
 from capslip.surface.heightmap import HeightMap
 
@@ -97,11 +97,20 @@ def test_a_change_is_the_difference_of_two_states_and_a_small_one_keeps_all_digi
     assert 1e13 * np.array(slope) == pytest.approx(np.array(step), rel=1e-12, abs=0.0)
 
 
+def test_what_loads_sink_by_is_the_change_from_no_load_on():
+    curve, _, load_N = unlike()
+    (g, N), k = loads(curve, load_N), curve.coefficient
+    change = curve.near.changed_m(k, 0.5 * N, 0.5 * g, N, g)
+    assert np.array(curve.near.sunk_m(k, N, g)) == pytest.approx(np.array(change), rel=1e-13)
+
+
 def test_few_that_carry_among_many_sink_them_alike():
     rng = np.random.default_rng(3)
-    x_m, y_m = rng.uniform(0.0, 0.1, (2, 40))
-    near, k = near_field(x_m, y_m, np.zeros(40), E), np.full(40, 4e11)
-    few = np.where(np.arange(40) % 9 == 0, 1e-7, 0.0)
+    n = SMALL + 26  # of fewer all rows are taken at once
+    x_m, y_m = rng.uniform(0.0, 0.1, (2, n))
+    near, k = near_field(x_m, y_m, np.zeros(n), E), np.full(n, 4e11)
+    few = np.where(np.arange(n) % 9 == 0, 1e-7, 0.0)
+    assert carrying(few).size == 10
     many = np.where(few > 0.0, few, 1e-30)  # all at once
     assert np.array(near.sunk_m(k, k * few**1.5, few)) == pytest.approx(
         np.array(near.sunk_m(k, k * many**1.5, many)), rel=1e-9

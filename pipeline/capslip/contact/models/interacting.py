@@ -180,7 +180,7 @@ class InteractingCurve(HertzCurve):
         if g.ndim > 1:
             k, g = (np.broadcast_to(one, (*shape, on.size)).reshape(-1, on.size) for one in (k, g))
         x = np.zeros((goals.size, n))
-        C = self.pair_compliance_m_per_N[np.ix_(on, on)]
+        C = self.pair_compliance_m_per_N[on][:, on]
         e, x[:, on] = shear(k, C, g, goals.ravel(), closing, near)
         return e.reshape(shape), x.reshape(*shape, n)
 
@@ -189,7 +189,7 @@ class InteractingCurve(HertzCurve):
         touching = g > 0
         if touching.any():
             k = self.coefficient[touching]
-            C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
+            C = self.pair_compliance_m_per_N[touching][:, touching]
             e, x = lift_off(k, C, g[touching], self._near_of(g)[0])
             drop = load_drop_of_asperity(k, g[touching], x).sum(axis=-1)
             withdrawal[touching] = e + self.compliance_m_per_N * drop
@@ -236,7 +236,7 @@ class InteractingCurve(HertzCurve):
         k = np.broadcast_to(self.coefficient[..., touching], g[..., touching].shape)
         k = k.reshape(held.shape)
         S = np.sqrt(1.5 * k * np.sqrt(held))
-        C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
+        C = self.pair_compliance_m_per_N[touching][:, touching]
         s = S * solve_coupled(S, C, S[..., None])[..., 0]
         if near is None:
             return s.sum(axis=-1).reshape(g.shape[:-1])

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.contact.solvers.near_field import FEW, NearField
+from capslip.contact.solvers.near_field import NearField, carrying
 from capslip.errors import ContactError, TipsOverError
 
 _TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
@@ -170,16 +170,19 @@ def press_sets(
     last, todo = np.full(len(k), np.inf), np.arange(len(k))
     for _ in range(_MOST_STEPS):
         with np.errstate(over="ignore", invalid="ignore"):  # steps may lead anywhere
-            off, gap, steps = _newton_steps(plane, (k[todo], h[todo], C), g[todo], free[todo])
-        settled = (off <= _TOLERANCE) | ((off <= _ACCEPTED) & (off > 0.5 * last[todo]))
-        last[todo] = off
-        rest = todo[settled]
-        g[rest] = np.where(g[rest] > 0, g[rest], -gap[settled])
-        todo = todo[~settled]
-        if not todo.size or steps is None:
+            off, gap, missing = _misfits(plane, (k[todo], h[todo], C), g[todo], free[todo])
+            settled = (off <= _TOLERANCE) | ((off <= _ACCEPTED) & (off > 0.5 * last[todo]))
+            last[todo] = off
+            rest = todo[settled]
+            g[rest] = np.where(g[rest] > 0, g[rest], -gap[settled])
+            todo = todo[~settled]
+            if not todo.size:
+                break
+            steps = _newton_steps(plane, (k[todo], C), g[todo], gap[~settled], missing[~settled])
+        if steps is None:
             break
-        g[todo] += steps[0][~settled]
-        free[todo] += steps[1][~settled]
+        g[todo] += steps[0]
+        free[todo] += steps[1]
     level, slope = free[:, 0], np.zeros((len(k), 2))
     slope[:, : free.shape[1] - 1] = free[:, 1:] / plane.reach_m
     for i in todo.tolist():
@@ -303,7 +306,7 @@ class _Plane:
             z = right / (1 + damping)
         else:
             try:
-                z = _solve_definite(S[:, None] * C[np.ix_(active, active)] * S, 1 + damping, right)
+                z = _solve_definite(S[:, None] * C[active][:, active] * S, 1 + damping, right)
             except np.linalg.LinAlgError:
                 return None
         free, step = state.free, -z[:, 0]
@@ -380,8 +383,8 @@ def _refuse_tipping(arm: np.ndarray) -> None:
 
 def _sunk_m(C: np.ndarray, N: np.ndarray) -> np.ndarray:
     """Return C N, from the rows of the caps that carry where these are few."""
-    on = np.flatnonzero(N)
-    return C @ N if on.size > FEW * N.size else N[on] @ C[on]
+    at = carrying(N)
+    return N[at] @ C[at]
 
 
 def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -407,24 +410,23 @@ def _solved(matrix: np.ndarray, right: np.ndarray, least: float = 0.0) -> np.nda
 
     factor, x, failed = dposv(matrix, right)
     if not failed and least > 0.0:
-        pivots = np.square(factor.diagonal())
-        failed = pivots.min() < least * pivots.max()
+        pivots = np.square(factor.diagonal()).tolist()
+        failed = min(pivots) < least * max(pivots)
     if failed:
         raise np.linalg.LinAlgError("not positive definite")
     solution: np.ndarray = x
     return solution
 
 
-def _newton_steps(
+def _misfits(
     plane: "_Plane",
     sets: tuple[np.ndarray, np.ndarray, np.ndarray | None],
     g: np.ndarray,
     free: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
-    """Return how far sets are from equilibrium, their gaps, and Newton's steps of g and unknowns.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how far sets are from equilibrium, their gaps, and what their loads miss.
 
-    How far is the greater of what the heights misfit and the loads miss, as shares of them. No
-    steps where one of the matrices is singular, or large.
+    How far is the greater of what the heights misfit and the loads miss, as shares of them.
     """
     k, h, C = sets
     B = plane.columns
@@ -442,9 +444,22 @@ def _newton_steps(
         np.where(active, np.abs(gap), 0.0).max(axis=1) / np.maximum(scale, 1e-300),
         np.abs(missing).max(axis=1) / plane.goal[0],
     )
+    return off, gap, missing
+
+
+def _newton_steps(
+    plane: "_Plane",
+    sets: tuple[np.ndarray, np.ndarray | None],
+    g: np.ndarray,
+    gap: np.ndarray,
+    missing: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return Newton's steps of g and unknowns; None where a matrix is singular, or large."""
+    (k, C), B = sets, plane.columns
+    active = (g > 0) | (gap < 0)
     on = np.flatnonzero(active.any(axis=0))
     if on.size > _MOST_TOGETHER:
-        return off, gap, None
+        return None
     active, B = active[:, on], B[on]
     depth = np.where(g > 0, g, np.maximum(-gap, 0))[:, on]
     S = np.where(active, np.sqrt(1.5 * k[:, on] * np.sqrt(depth)), 0.0)
@@ -453,7 +468,7 @@ def _newton_steps(
     try:
         z = right
         if C is not None:
-            matrix = S[:, :, None] * C[np.ix_(on, on)] * S[:, None, :]
+            matrix = S[:, :, None] * C[on][:, on] * S[:, None, :]
             diagonal = np.arange(on.size)
             matrix[:, diagonal, diagonal] = 1.0
             z = np.linalg.solve(matrix, right)
@@ -461,7 +476,7 @@ def _newton_steps(
         H = weighted @ z[..., 1:] + np.diag(plane.spring)
         turn = np.linalg.solve(H, missing[..., None] + weighted @ z[..., :1])
     except np.linalg.LinAlgError:
-        return off, gap, None
+        return None
     step = np.zeros_like(g)
     step[:, on] = ((z[..., 1:] @ turn)[..., 0] - z[..., 0]) / np.where(S > 0, S, np.inf)
-    return off, gap, (step, turn[..., 0])
+    return step, turn[..., 0]

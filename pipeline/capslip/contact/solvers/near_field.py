@@ -19,30 +19,36 @@ from typing import Any
 import numpy as np
 
 FEW = 0.2  # of the contacts that carry: below, a copy of their rows costs less than the others
+SMALL = 64  # contacts: of no more, all rows cost less than to look for those that carry
 
 
 @dataclass(frozen=True, eq=False)
 class NearField:
     """Contacts at their places; made by `near_field`."""
 
-    spread_per_N_m: np.ndarray  # G / r^2, shape (n, n), zero diagonal
-    slope_x_per_N: np.ndarray  # dG_ij / dx_i, the same
-    slope_y_per_N: np.ndarray
+    per_N: np.ndarray  # G / r^2, dG_ij / dx_i and dG_ij / dy_i, shape (3, n, n), zero diagonals
     E_star_Pa: float
 
     def of(self, on: Any) -> "NearField":
         """Return that of some of the contacts."""
-        at = np.ix_(on, on)
-        rows = self.spread_per_N_m[at], self.slope_x_per_N[at], self.slope_y_per_N[at]
-        return NearField(*rows, self.E_star_Pa)
+        return NearField(self.per_N[:, on][..., on], self.E_star_Pa)
 
     def sunk_m(self, k: np.ndarray, N: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return how deep loads sink the surface at each contact, see `changed_m`.
 
+        From no load on, where the means are halves of the differences: half of the products.
         Of the first part 3/8, of the second 1/3 is its energy over the loads: they grow as N^(5/3)
         and N^2.
         """
-        return self.changed_m(k, 0.5 * N, 0.5 * g, N, g)
+        at, radius_m = carrying(N), self._radius_m(k)
+        spread, *slopes = self.per_N[:, at]
+        by_spread, *by_slopes = self._felt(N, at)
+        a2, moved = radius_m * g, radius_m * N
+        by_width = a2 * by_spread / 6.0 + (N * a2)[..., at] @ spread / 10.0
+        by_slope = np.zeros_like(by_width)
+        for slope, v in zip(slopes, by_slopes, strict=True):
+            by_slope += (moved * v)[..., at] @ slope - 0.5 * radius_m * np.square(v)
+        return by_width, by_slope
 
     def changed_m(
         self, k: np.ndarray, N: np.ndarray, g: np.ndarray, dN: np.ndarray, dg: np.ndarray
@@ -66,23 +72,27 @@ class NearField:
         ndarray, ndarray
             By widths, and by slopes.
         """
-        on = np.flatnonzero(((N != 0.0) | (dN != 0.0)).reshape(-1, N.shape[-1]).any(axis=0))
-        few = on.size <= FEW * N.shape[-1]
-        at: Any = on if few else slice(None)
-        spread = self.spread_per_N_m[at]
-        slopes = self.slope_x_per_N[at], self.slope_y_per_N[at]
-        radius_m = np.square(0.75 * k / self.E_star_Pa)
+        at = carrying(N, dN)
+        radius_m, (spread, *slopes) = self._radius_m(k), self.per_N[:, at]
         a2, da2 = radius_m * g, radius_m * dg
-        weight, dweight = N[..., at], dN[..., at]
-        by_width = (da2 * (weight @ spread) + a2 * (dweight @ spread)) / 6.0
-        by_width += (dweight * a2[..., at] + weight * da2[..., at]) @ spread / 10.0
+        felt, dfelt = self._felt(N, at), self._felt(dN, at)
+        by_width = (da2 * felt[0] + a2 * dfelt[0]) / 6.0
+        by_width += (dN * a2 + N * da2)[..., at] @ spread / 10.0
         by_slope = np.zeros_like(by_width)
-        for slope in slopes:
-            v, dv = -(weight @ slope), -(dweight @ slope)
-            by_slope -= radius_m * v * dv
-            moved_m = radius_m * (dN * v + N * dv)  # times the load
-            by_slope -= moved_m[..., at] @ slope
+        for slope, v, dv in zip(slopes, felt[1:], dfelt[1:], strict=True):
+            moved = radius_m * (dN * v + N * dv)
+            by_slope += moved[..., at] @ slope - radius_m * v * dv
         return by_width, by_slope
+
+    def _radius_m(self, k: np.ndarray) -> np.ndarray:
+        return np.square(0.75 * k / self.E_star_Pa)
+
+    def _felt(self, N: np.ndarray, at: Any) -> np.ndarray:
+        """Return what loads do by each of `per_N`, shape (3, ..., n)."""
+        if N.ndim > 2:
+            return np.stack([N[..., at] @ one for one in self.per_N[:, at]])
+        felt: np.ndarray = N[..., at] @ self.per_N[:, at]
+        return felt
 
     def slope_m_per_N(self, k: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Return the derivatives of what contacts sink by the loads, shape (n, n)."""
@@ -124,11 +134,12 @@ class NearField:
         share = np.divide(slid, held, out=np.zeros(slid.shape), where=held > 0.0)
         q = np.sqrt(1.0 - share)
         squared = np.square(share / (1.0 + q)) * (3.0 + q * (6.0 + q * (4.0 + 2.0 * q)))
-        radius_m = np.square(0.75 * k / self.E_star_Pa)
+        radius_m = self._radius_m(k)
         N = k * held * np.sqrt(held)
-        lost = own_J * (N @ self.spread_per_N_m) / 6.0
-        lost -= N * held * squared * np.sign(x) * (t @ self.spread_per_N_m) * (2.0 / 15.0)
-        v2 = np.square(t @ self.slope_x_per_N) + np.square(t @ self.slope_y_per_N)
+        by_drop, *v = self._felt(t, slice(None))
+        lost = own_J * (N @ self.per_N[0]) / 6.0
+        lost -= N * held * squared * np.sign(x) * by_drop * (2.0 / 15.0)
+        v2 = np.square(v[0]) + np.square(v[1])
         return np.asarray((radius_m * (lost + 2.0 * np.abs(t) * v2)).sum(axis=-1))
 
 
@@ -158,4 +169,14 @@ def near_field(
     if (a_m[on, None] + a_m > r_m[on]).any():
         return None
     spread = 1.0 / (np.pi * E_star_Pa * r_m**3)
-    return NearField(spread, -dx_m * spread, -dy_m * spread, E_star_Pa)
+    return NearField(np.stack((spread, -dx_m * spread, -dy_m * spread)), E_star_Pa)
+
+
+def carrying(*loads: np.ndarray) -> Any:
+    """Return the contacts with any load where these are few of many, else all."""
+    n = loads[0].shape[-1]
+    if n <= SMALL:
+        return slice(None)
+    loaded = np.any([(one != 0.0).reshape(-1, n).any(axis=0) for one in loads], axis=0)
+    on = np.flatnonzero(loaded)
+    return on if on.size <= FEW * n else slice(None)

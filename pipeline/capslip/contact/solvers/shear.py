@@ -184,7 +184,7 @@ class _Network:
         k, g, _ = self.of_rows(row)
         on = g > 0
         near = None if self.near is None else self.near.of(on)
-        return _Network.of(k[on], self.C[np.ix_(on, on)], g[on], near), on
+        return _Network.of(k[on], self.C[on][:, on], g[on], near), on
 
     def drop_N(self, x: np.ndarray) -> np.ndarray:
         """Return t at slips x, of their shape."""
@@ -364,7 +364,7 @@ def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray
         z = np.array(right)
         for part in parts:
             held = S[part].any(axis=0)
-            matrix = _coupled(S[part][:, held], C[np.ix_(held, held)])
+            matrix = _coupled(S[part][:, held], C[held][:, held])
             z[part, held] = np.linalg.solve(matrix, z[part, held])
     except np.linalg.LinAlgError as error:
         raise ContactError(_UNSTABLE) from error
