@@ -164,8 +164,9 @@ def splits_of_rows(z: np.ndarray, most: int) -> list[np.ndarray]:
     """Return the same of rows of sorted numbers: sizes of shape (n_rows, 3), ... (n_rows, most)."""
     n_rows, n = z.shape
     edges, first, last = _edges(n)
-    total, square = (np.cumsum(z**power, axis=1) for power in (1, 2))
-    total, square = (np.pad(sums, ((0, 0), (1, 0)))[:, edges] for sums in (total, square))
+    sums = np.zeros((2, n_rows, n + 1))
+    np.cumsum((z, z * z), axis=2, out=sums[..., 1:])
+    total, square = sums[..., edges]
     cost = np.full((n_rows, len(edges), len(edges)), np.inf)
     mean_part = (total[:, last] - total[:, first]) ** 2 / (edges[last] - edges[first])
     cost[:, first, last] = square[:, last] - square[:, first] - mean_part

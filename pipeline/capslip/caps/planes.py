@@ -78,7 +78,7 @@ class Scaled:
         else:
             tuples = np.random.default_rng(0).integers(n, size=(4 * TRIPLETS, free + 1))
         edge = self.place[tuples[:, 1:]] - self.place[tuples[:, :1]]
-        area = np.linalg.det(edge)
+        area = _determinant(edge)
         # Caps on a lattice make triangles that only rounding tells apart
         wide = np.argsort(-np.abs(area).round(9), kind="stable")[:TRIPLETS]
         wide = wide[np.abs(area[wide]) > 1e-6]
@@ -138,7 +138,7 @@ class Scaled:
         place, z = centred[..., :-1], centred[..., -1:]
         normal = place.transpose(0, 2, 1) @ place
         diagonal = np.diagonal(normal, axis1=1, axis2=2)
-        fixed = np.linalg.det(normal) > 1e-9 * diagonal.prod(axis=1)
+        fixed = _determinant(normal) > 1e-9 * diagonal.prod(axis=1)
         slopes = np.zeros(diagonal.shape)
         right = place.transpose(0, 2, 1) @ z
         slopes[fixed] = np.linalg.solve(normal[fixed], right[fixed])[..., 0]
@@ -174,18 +174,17 @@ class Scaled:
         sums = total[ends] - total[ends - sizes]  # (n_splits, K, 4)
         outer = np.einsum("ski,skj->skij", sums, sums)
         square = columns.T @ columns
-        log_shapes = []
-        for ratio, odds in WIDTH_RATIOS2 if count > 1 else [(0.0, 1.0)]:
-            weight = ratio / (1.0 + ratio * sizes)
-            M = square - np.einsum("sk,skij->sij", weight, outer)
-            log_det = np.linalg.slogdet(M[:, :3, :3])[1]
-            rest = M[:, -1, -1] - _explained(M, 3)
-            if bent:  # a prior of the weight of one cap
-                rest = (rest + n * (M[:, -1, -1] - _explained(M, 3 + bent))) / (1.0 + n)
-                log_det += bent * math.log(1.0 + n)
-            rest = np.maximum(rest, 1e-13 * square[-1, -1])
-            log_widths = np.log1p(ratio * sizes).sum(axis=-1) + log_det
-            log_shapes.append(math.log(odds) - 0.5 * log_widths - 0.5 * (n - 3) * np.log(rest))
+        ratio, odds = np.array(WIDTH_RATIOS2 if count > 1 else [(0.0, 1.0)]).T[..., None]
+        weight = ratio[..., None] / (1.0 + ratio[..., None] * sizes)
+        M = square - np.einsum("rsk,skij->rsij", weight, outer)
+        log_det = np.linalg.slogdet(M[..., :3, :3])[1]
+        rest = M[..., -1, -1] - _explained(M, 3)
+        if bent:  # a prior of the weight of one cap
+            rest = (rest + n * (M[..., -1, -1] - _explained(M, 3 + bent))) / (1.0 + n)
+            log_det += bent * math.log(1.0 + n)
+        rest = np.maximum(rest, 1e-13 * square[-1, -1])
+        log_widths = np.log1p(ratio[..., None] * sizes).sum(axis=-1) + log_det
+        log_shapes = np.log(odds) - 0.5 * log_widths - 0.5 * (n - 3) * np.log(rest)
         log_members = log_factorial[n] - log_factorial[sizes].sum(axis=-1)
         log_sizes = log_factorial[n - 1] - log_factorial[count - 1] - log_factorial[n - count]
         constant = math.lgamma(0.5 * (n - 3)) - math.log(2.0) - 0.5 * (n - 3) * math.log(math.pi)
@@ -257,10 +256,18 @@ class Scaled:
         return [*four, int(np.argmax(distance))]
 
 
+def _determinant(matrix: np.ndarray) -> np.ndarray:
+    """Return that of each matrix; of two columns, as most are, without a call for each."""
+    if matrix.shape[-1] > 2:
+        return np.asarray(np.linalg.det(matrix))
+    (a, b), (c, d) = matrix.transpose(1, 2, 0)
+    return np.asarray(a * d - b * c)
+
+
 def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:
-    """Return the sum of squares that so many unknowns explain, of moments (n_splits, k, k)."""
-    cross = M[:, :unknowns, -1]
-    solved = np.linalg.solve(M[:, :unknowns, :unknowns], cross[..., None])[..., 0]
+    """Return the sum of squares that so many unknowns explain, of moments (..., k, k)."""
+    cross = M[..., :unknowns, -1]
+    solved = np.linalg.solve(M[..., :unknowns, :unknowns], cross[..., None])[..., 0]
     return np.asarray((cross * solved).sum(axis=-1))
 
 

@@ -248,10 +248,11 @@ def _sharpened(
         return step_m, unsure_m
     for reach in range(REACH, 0, -1):  # fewer beside lines that are lost
         width = 2 * reach + 1
-        of_step = np.pad(OF_STEP, reach - 1)
+        of_step = np.zeros(width)
+        of_step[reach - 1 : reach + 2] = OF_STEP
         weight = np.linalg.solve(covariance[:width, :width], of_step)
         told, inner = float(weight @ of_step), np.s_[:, reach : n - reach]
-        seen_m = np.lib.stride_tricks.sliding_window_view(jump_m, width, axis=1) @ (weight / told)
+        seen_m = np.array([np.correlate(part_m, weight / told, "valid") for part_m in jump_m])
         new = np.isnan(step_m[inner]) & np.isfinite(seen_m)
         step_m[inner][new], unsure_m[inner][new] = seen_m[new], np.sqrt(variance_m2 / told)
     return step_m, unsure_m

@@ -31,6 +31,7 @@ def white_m2(heights_m: np.ndarray, order: int, axis: int) -> np.ndarray:
         return np.full(heights_m.shape, np.nan)
     half = order // 2
     differences_m = np.diff(heights_m, order, axis)
-    around = [(half, half) if one == axis else (0, 0) for one in (0, 1)]
-    variance_m2 = np.square(differences_m) / math.comb(2 * order, order)
-    return np.pad(variance_m2, around, constant_values=np.nan)
+    variance_m2 = np.full(heights_m.shape, np.nan)
+    inner = [slice(half, -half) if one == axis else slice(None) for one in (0, 1)]
+    variance_m2[*inner] = np.square(differences_m) / math.comb(2 * order, order)
+    return variance_m2
