@@ -5,7 +5,7 @@ The line names the key, what was found there and what is expected.
 
 import difflib
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
@@ -58,9 +58,12 @@ def plain(value: Any, where: str, path: tuple[str, ...] = ()) -> Any:
         got = value if isinstance(value, float) else "a whole number of more than 308 digits"
         raise SettingsError(f"{where}: {'.'.join(path)}: got {got}; expected a finite number")
     value = str(value) if isinstance(value, Path) else value
-    if isinstance(value, str) and any("\ud800" <= one <= "\udfff" for one in value):
-        name = ".".join(path)
-        raise SettingsError(f"{where}: {name}: got {value!r}; expected a text; write it in UTF-8")
+    if isinstance(value, str):
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            got = f"{where}: {'.'.join(path)}: got {value!r}"
+            raise SettingsError(f"{got}; expected a text; write it in UTF-8") from None
     return value
 
 
@@ -162,13 +165,16 @@ def _types(kind: type[msgspec.Struct]) -> dict[str, Any]:
     return {field.name: field.type for field in msgspec.structs.fields(kind)}
 
 
-def _names(kind: type[msgspec.Struct], path: tuple[str, ...] = ()) -> Iterator[str]:
+@cache
+def _names(kind: type[msgspec.Struct]) -> tuple[str, ...]:
     """Return every setting of a table and of the tables in it, with the names of its tables."""
+    found = list[str]()
     for name, nested in _types(kind).items():
         if isinstance(nested, type) and issubclass(nested, msgspec.Struct):
-            yield from _names(nested, (*path, name))
+            found += [f"{name}.{inner}" for inner in _names(nested)]
         else:
-            yield ".".join((*path, name))
+            found.append(name)
+    return tuple(found)
 
 
 def _explain(message: str, tables: dict[str, Any], root: type[msgspec.Struct]) -> str:

@@ -320,7 +320,12 @@ def load_settings(path: str | Path | None = None, overrides: Iterable[str] = ())
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     check_kind(where, tables, dict, "nested dictionaries")
-    tables = _seen_from(Path(), plain(tables, where))
+    return _settings_from(plain(tables, where), where)
+
+
+def _settings_from(tables: dict[str, Any], where: str) -> Settings:
+    """Check nested dictionaries of plain values, and make them Settings."""
+    tables = _seen_from(Path(), tables)
     refuse_unknown(tables, Settings, where)
     tables = with_preset(tables, where)
     settings = converted(tables, Settings, where)
@@ -367,7 +372,7 @@ def checked(settings: Settings) -> Settings:
     for name in set(STAND_INS) - set(given):  # it stands aside for what is
         table, key = name.split(".")
         del tables[table][key]
-    return settings_from(tables)
+    return _settings_from(tables, "settings")
 
 
 def _seen_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:

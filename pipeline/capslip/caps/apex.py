@@ -86,9 +86,10 @@ def find_apexes(
     highest_se_m = noise.rms_m * np.sqrt(2.0 * np.log(np.maximum(count, 2))) + per_point_m
     apex_m = np.where(on_surface, np.stack([crown.x_m, crown.y_m, crown.z_m]), highest_m)
     fitted = on_surface
-    if noise.rms_m > 0.0:
+    slope = crown.solved & ~on_surface
+    if noise.rms_m > 0.0 and slope.any():
         summit_m = _summit(points, crown)
-        slope = crown.solved & ~on_surface & (np.abs(summit_m[2] - highest_m[2]) <= seen_m)
+        slope &= np.abs(summit_m[2] - highest_m[2]) <= seen_m
         apex_m = np.where(slope, summit_m, apex_m)
         fitted = on_surface | slope
     scatter_m = np.fmax(crown.residual_m, noise.rms_m) * noise.inflation

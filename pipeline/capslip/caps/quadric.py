@@ -72,7 +72,7 @@ class Quadrics:
         """Height of the surfaces at places that are sorted by hill, `count` of them on each."""
 
         def each(values: np.ndarray) -> np.ndarray:
-            return np.repeat(values, count)
+            return values.repeat(count)
 
         c = self.coefficients
         u = (x_m - each(self.origin_m[0])) / each(self.scale_m)
@@ -144,8 +144,8 @@ def fit_quadrics(
         for place, place_m, from_m in zip(
             places[:, :-1], (*points.places_m(at), points.z_m[at]), origin_m, strict=True
         ):
-            np.subtract(place_m, np.repeat(from_m[hills], of), out=place)
-        places[:2, :-1] /= np.repeat(unit_m, of)
+            np.subtract(place_m, from_m[hills].repeat(of), out=place)
+        places[:2, :-1] /= unit_m.repeat(of)
         count[hills], scale_m[hills] = of, unit_m
         normal[hills], right[hills], square[hills] = _normal_equations(of, *places)
     many = np.maximum(count, 1)

@@ -1,7 +1,6 @@
 """The numbers of a result on disk: `result.h5`, `caps.csv`, `settings.toml`, `summary.json`."""
 
 import csv
-import math
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,7 +53,7 @@ def write_summary(summary: dict[str, Any], folder: Path) -> None:
 def _cells(column: np.ndarray) -> list[str]:
     """Text that reads back to the same number; an absent number is an empty cell."""
     if column.dtype.kind == "f":
-        return ["" if math.isnan(value) else repr(value) for value in column.tolist()]
+        return ["" if value != value else repr(value) for value in column.tolist()]  # NaN
     return [str(value) for value in column]
 
 

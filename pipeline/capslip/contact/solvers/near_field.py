@@ -30,7 +30,7 @@ class NearField:
     E_star_Pa: float
 
     def of(self, on: Any) -> "NearField":
-        """Return that of some of the contacts."""
+        """Return that of some of the contacts, by their numbers or a mask."""
         return NearField(self.per_N[:, on][..., on], self.E_star_Pa)
 
     def sunk_m(self, k: np.ndarray, N: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
