@@ -97,8 +97,9 @@ def fit_named(name: str) -> Fit:
     >>> fit_named("equation18").at_cut_alone
     True
     """
-    known = registry.names("caps.fits")
-    if name not in known:
-        raise SettingsError(f"caps.fit: got {name!r}; {one_of(known, name)}")
-    fit: Fit = registry.entry("caps.fits", name).FIT
+    try:
+        fit: Fit = registry.entry("caps.fits", name).FIT
+    except KeyError:
+        known = one_of(registry.names("caps.fits"), name)
+        raise SettingsError(f"caps.fit: got {name!r}; {known}") from None
     return fit

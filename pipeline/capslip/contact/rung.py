@@ -292,10 +292,11 @@ def pairs_in_balance(arm_m: np.ndarray, E_star_Pa: float, settings: Settings) ->
 
 def rung(name: str) -> Rung[Any]:
     """Return the rung of that name; SettingsError where there is none."""
-    names = registry.names(FOLDER)
-    if name not in names:
-        raise SettingsError(f"contact.model: got {name!r}; {one_of(names, name)}")
-    return cast(Rung[Any], registry.entry(FOLDER, name).RUNG)
+    try:
+        return cast(Rung[Any], registry.entry(FOLDER, name).RUNG)
+    except KeyError:
+        known = one_of(registry.names(FOLDER), name)
+        raise SettingsError(f"contact.model: got {name!r}; {known}") from None
 
 
 def made_from(settings: Settings) -> str:

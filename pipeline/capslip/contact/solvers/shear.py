@@ -359,7 +359,7 @@ def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray
     """
     parts = _parts(*S.shape)
     try:
-        if len(parts) == 1 and S.all():
+        if len(parts) == 1 and S.any(axis=0).all():
             return np.asarray(np.linalg.solve(_coupled(S, C), right))
         z = np.array(right)
         for part in parts:
