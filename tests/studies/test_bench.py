@@ -1,6 +1,8 @@
 """The benchmark's bookkeeping; what it measures is not tested."""
 
+import cProfile
 import json
+import pstats
 import sys
 import time
 from dataclasses import asdict
@@ -9,11 +11,15 @@ import h5py
 import numpy as np
 import pytest
 
+from capslip.analysis import analyze
 from capslip.errors import CapslipError, OutputError
+from capslip.output.folder import write
 from capslip.output.picture import Look
 from capslip.output.scene import save_picture
 from capslip.output.view import read_view
-from capslip.studies.bench import study, timings
+from capslip.settings import load_settings
+from capslip.studies.bench import fleet, study, timings
+from capslip.surface.readers import load_surface
 from capslip.surface.readers.hdf5 import write_hdf5
 
 
@@ -126,3 +132,18 @@ def test_a_folder_that_cannot_be_made_is_said_at_once(small, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="choose another"):
         study.run_bench(tmp_path / "file" / "folder")
+
+
+def test_a_scan_of_a_fleet_takes_few_calls(tmp_path):
+    """Of Python functions: on a small map nearly all time is theirs, on whatever machine."""
+    fleet._write_scans(tmp_path / "scans", (100, 150), 1)
+    settings = load_settings(overrides=fleet.WAYS["numbers"])
+
+    def numbers(name):
+        (scan,) = (tmp_path / "scans").iterdir()
+        write(analyze(load_surface(scan), settings), tmp_path / name, page=False)
+
+    numbers("first")  # loads what all scans need
+    profile = cProfile.Profile()
+    profile.runcall(numbers, "second")
+    assert pstats.Stats(profile).total_calls < 105_000

@@ -19,7 +19,6 @@ from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
-APART = 0.999  # of the nearest distance, within which the widest two contacts stay: none overlap
 MANY_LOADS, MOST_TOGETHER = 8, 64  # loads that are worth solving together, and of how many contacts
 
 
@@ -60,17 +59,12 @@ class InteractingCurve(HertzCurve):
         """Count them, of rows of compressions as if each contact were as wide as in its widest."""
         a = np.sqrt(self.radius_m * np.maximum(g, 0)).reshape(-1, g.shape[-1])
         a = a.max(axis=0, initial=0.0)
-        widest_m, nearest_per_m = 2.0 * a.max(), np.pi * self.E_star_Pa
-        nearest_per_m *= self.pair_compliance_m_per_N.max()
-        if widest_m * nearest_per_m < APART:
-            return 0  # the widest two would not touch were they the nearest
         touching = a > 0
-        distance = np.hypot(
-            self.x_m[touching, None] - self.x_m, self.y_m[touching, None] - self.y_m
-        )
-        overlap = a[touching, None] + a > distance
-        among_contacts = overlap[:, touching].sum() - touching.sum()
-        return int(among_contacts // 2 + overlap[:, ~touching].sum())
+        over_distance = (a[touching, None] + a) * self.pair_compliance_m_per_N[touching]
+        overlap = np.pi * self.E_star_Pa * over_distance > 1.0
+        if not overlap.any():
+            return 0
+        return int(overlap[:, touching].sum() // 2 + overlap[:, ~touching].sum())
 
     def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
         """Withdrawal at which each cap loses its load, shape (..., n); solved when asked for.
