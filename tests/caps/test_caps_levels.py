@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from capslip.analysis import analyze_once
+from capslip.caps import planes
 from capslip.caps.levels import find_levels
 from capslip.caps.planes import Scaled
 from capslip.caps.simplex import minimum
@@ -162,9 +163,20 @@ def test_the_evidence_is_the_integral_that_it_says():
     rest = z @ z
     density = np.exp(-rest / (2 * w**2)) / (2 * np.pi * w**2)
     integral = np.trapezoid(density, np.log(w)) / np.sqrt(np.linalg.det(places.T @ places))
-    factorials = np.append(0.0, np.cumsum(np.log(np.arange(1.0, 6.0))))
-    found = scaled.log_evidence(np.arange(5), np.array([[5]]), factorials)[0]
+    found = scaled.log_evidence_of_normal
     assert found == pytest.approx(np.log(integral), abs=1e-6)
+
+
+def test_families_that_cannot_be_two_are_not_asked_for_other_shapes(monkeypatch):
+    """Those shapes but add to the evidence of one."""
+    asked = []
+    monkeypatch.setattr(planes, "minimum", lambda *of: asked.append(of) or minimum(*of))
+    x_m, y_m, height_m = peaks(1, 5, 18, 1e-9)
+    levels = find_levels(x_m, y_m, height_m)
+    assert levels.clusters.sizes[1].tolist() == [18, 5]
+    assert len(asked) == 3  # of all peaks: an edge below them, one above, and a slab
+    scaled = Scaled.of(np.column_stack((x_m, y_m)), height_m)
+    assert scaled.log_evidence_of_one > scaled.log_evidence_of_normal - np.log(4.0)
 
 
 @pytest.mark.parametrize("shape", ["normal", "uniform", "exponential"])

@@ -156,23 +156,20 @@ def _bow(scaled: Scaled, terms: np.ndarray, clusters: Clusters, slopes: np.ndarr
     if not _fixed(bent):
         return none
     curved = replace(scaled, place=np.column_stack((scaled.place, bent)))
-    log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
     found = []
     for count in (1, 2):
         if count == 1:
             slope = np.linalg.lstsq(curved.place, scaled.z, rcond=None)[0]
-            splits = np.array([[n]])
+            evidence = curved.log_evidence_of_normal
         else:
             clear = np.pad(slopes[1:2], ((0, 0), (0, 3)))
             slope, split = curved.best(clear if _clear(clusters) else curved.starts(), 2)
-            low = np.arange(1, n)
-            splits = np.column_stack((low, n - low))
-        rank = np.argsort(scaled.z - curved.place @ slope, kind="stable")
-        if count == 2:  # a row of three may be a level, or as much bow as one likes
+            # A row of three may be a level, or as much bow as one likes
+            rank = np.argsort(scaled.z - curved.place @ slope, kind="stable")
             high = np.argsort(rank) >= split[0]
             if not _fixed(_beside(bent, np.column_stack((flat, high)))):
                 continue
-        evidence = float(np.logaddexp.reduce(curved.log_evidence(rank, splits, log_factorial)))
+            evidence = curved.log_evidence_of_two(slope)
         found.append((evidence, slope[2:] * scaled.height / unit))
     evidence, bow = max(found, key=lambda one: one[0])
     return bow if evidence - clusters.log_evidence.max() >= BOW_ODDS else none
@@ -192,17 +189,15 @@ def _fixed(bent: np.ndarray) -> bool:
 def _on_planes(scaled: Scaled, most: int = MAX_CLUSTERS) -> tuple[Clusters, np.ndarray]:
     """Return the splits into families on parallel planes, `most` of them, and their slopes."""
     n = len(scaled.z)
-    log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
-    slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], []
-    evidence.append(scaled.log_evidence_of_one(log_factorial))
+    slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], [scaled.log_evidence_of_one]
     for count in range(2, min(most, n - 3) + 1):
         planes = np.stack((slopes[-1], np.zeros(2)))
         slope, split = scaled.best_two if count == 2 else scaled.best(planes, count)
-        rank = np.argsort(scaled.z - scaled.place @ slope, kind="stable")
-        low = np.arange(1, n)
-        splits = np.column_stack((low, n - low)) if count == 2 else split[None]
-        log_each = scaled.log_evidence(rank, splits, log_factorial)
-        evidence.append(float(np.logaddexp.reduce(log_each)))
+        if count == 2:
+            evidence.append(scaled.log_evidence_of_two(slope))
+        else:
+            rank = np.argsort(scaled.z - scaled.place @ slope, kind="stable")
+            evidence.append(float(scaled.log_evidence(rank, split[None])[0]))
         slopes.append(slope)
         sizes.append(split)
     separation = [
@@ -230,7 +225,8 @@ def _split_again(
         alone = None
         if len(own) >= LEAST_INSIDE and not clusters.separation[1] < least:
             alone = Scaled.of(scaled.place[own], scaled.z[own])
-        if alone is not None and alone.height >= LEAST_RANGE and not alone.apart() < least:
+        wide = alone is not None and alone.height >= LEAST_RANGE and not alone.apart() < least
+        if alone is not None and wide and alone.may_be_two:
             found, own_slopes = _on_planes(alone, most=2)
             plane = alone.in_metres(own_slopes)[min(1, len(own_slopes) - 1)]
             above = (scaled.z - scaled.place @ plane) * (1.0 if own is parts[1] else -1.0)

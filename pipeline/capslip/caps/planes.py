@@ -7,7 +7,12 @@ from itertools import combinations
 
 import numpy as np
 
-from capslip.caps.clusters import WIDTH_RATIOS2, separation_of, splits_of_rows
+from capslip.caps.clusters import (
+    CLEAR_LOG_ODDS,
+    WIDTH_RATIOS2,
+    separation_of,
+    splits_of_rows,
+)
 from capslip.caps.simplex import Vertex, minimum
 
 LEAST_CAPS = 5  # fewer fix a plane and two levels, and say nothing else
@@ -18,6 +23,7 @@ MAX_TURNS = 20  # of plane and split
 FEW_TURNS = 3  # of them for more than two families
 EXACT = 1e-13  # sum of squares of heights that range over one: less is rounding
 ROUNDING = 1e-12  # of planes through points whose heights range over one
+LOG_SHAPES = math.log(4.0)  # of one family, at equal odds
 ROUNDED = 8.0  # last digits of a height, of which its distance from a plane is made
 
 
@@ -162,11 +168,21 @@ class Scaled:
         """Return the separation of two families."""
         return self.separation(*self.best_two)
 
-    def log_evidence(
-        self, rank: np.ndarray, sizes: np.ndarray, log_factorial: np.ndarray
-    ) -> np.ndarray:
+    @cached_property
+    def log_factorial(self) -> np.ndarray:
+        """Log of 0!, 1!, ... n!."""
+        return np.append(0.0, np.cumsum(np.log(np.arange(1.0, len(self.z) + 1.0))))
+
+    def log_evidence_of_two(self, slope: np.ndarray) -> float:
+        """Log evidence of two families on planes of one slope, whichever caps are the higher."""
+        low = np.arange(1, len(self.z))
+        rank = np.argsort(self.z - self.place @ slope, kind="stable")
+        each = self.log_evidence(rank, np.column_stack((low, len(self.z) - low)))
+        return float(np.logaddexp.reduce(each))
+
+    def log_evidence(self, rank: np.ndarray, sizes: np.ndarray) -> np.ndarray:
         """Log evidence of normal families, for each split of the caps in the order of `rank`."""
-        n, count = len(self.z), sizes.shape[-1]
+        n, count, log_factorial = len(self.z), sizes.shape[-1], self.log_factorial
         bent = self.place.shape[1] - 2
         columns = np.column_stack((np.ones(n), self.place, self.z))[rank]
         total = np.concatenate((np.zeros((1, columns.shape[1])), np.cumsum(columns, axis=0)))
@@ -192,7 +208,14 @@ class Scaled:
         evidence: np.ndarray = np.logaddexp.reduce(log_shapes, axis=0) + constant + log_odds
         return evidence
 
-    def log_evidence_of_one(self, log_factorial: np.ndarray) -> float:
+    @cached_property
+    def log_evidence_of_normal(self) -> float:
+        """Log evidence of one family of normal heights."""
+        n = len(self.z)
+        return float(self.log_evidence(np.arange(n), np.array([[n]]))[0])
+
+    @property
+    def log_evidence_of_one(self) -> float:
         """Log evidence of one family, of any of four shapes, at equal odds.
 
         Two of them end at a plane that touches three caps, one lies between two planes that touch
@@ -201,8 +224,7 @@ class Scaled:
         with weights q, that is (n - 4)! rest^-(n - 3) / (|det A| prod n q) for the exponential ones
         and (n - 4)! / n! range^-(n - 3) / (|det A| prod q) for the uniform one.
         """
-        n = len(self.z)
-        shapes = [float(self.log_evidence(np.arange(n), np.array([[n]]), log_factorial)[0])]
+        n, log_factorial, shapes = len(self.z), self.log_factorial, [self.log_evidence_of_normal]
         places = np.column_stack((np.ones(n), self.place))
         mean = np.array([1.0, 0.0, 0.0])
         corners = np.column_stack((np.ones(3), 10.0 * np.eye(3, 2) * np.abs(places).max()))
@@ -227,7 +249,14 @@ class Scaled:
             - (n - 3) * math.log(slab.unknowns[3])
             - self._log_cone(between, slab, 1)
         )
-        return float(np.logaddexp.reduce(shapes) - math.log(4.0))
+        return float(np.logaddexp.reduce(shapes) - LOG_SHAPES)
+
+    @property
+    def may_be_two(self) -> bool:
+        """Whether two families may be far likelier than one: its other shapes but add to that."""
+        one = self.log_evidence_of_normal - LOG_SHAPES
+        gain = self.log_evidence_of_two(self.best_two[0]) - one - math.log(2.0)
+        return gain >= CLEAR_LOG_ODDS
 
     def _log_cone(self, rows: np.ndarray, vertex: Vertex, n: int) -> float:
         """Log of |det A| prod n q; a cap that all but leaves the cone is stopped by others."""
