@@ -320,12 +320,7 @@ def load_settings(path: str | Path | None = None, overrides: Iterable[str] = ())
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     check_kind(where, tables, dict, "nested dictionaries")
-    return _settings_from(plain(tables, where), where)
-
-
-def _settings_from(tables: dict[str, Any], where: str) -> Settings:
-    """Check nested dictionaries of plain values, and make them Settings."""
-    tables = _seen_from(Path(), tables)
+    tables = _seen_from(Path(), plain(tables, where))
     refuse_unknown(tables, Settings, where)
     tables = with_preset(tables, where)
     settings = converted(tables, Settings, where)
@@ -363,7 +358,7 @@ def checked(settings: Settings) -> Settings:
     tables = plain(settings, "settings")
     refuse_unknown(tables, Settings, "settings")
     typed = converted(tables, Settings, "settings")
-    tables = plain(typed, "settings")
+    tables = _without_none(msgspec.to_builtins(typed))
     given = [name for name in STAND_INS if typed.is_given(name)]
     if typed.material.preset is not None and typed.material.values_of is None:  # a new material
         made = Settings(material=typed.material)
@@ -372,7 +367,7 @@ def checked(settings: Settings) -> Settings:
     for name in set(STAND_INS) - set(given):  # it stands aside for what is
         table, key = name.split(".")
         del tables[table][key]
-    return _settings_from(tables, "settings")
+    return settings_from(tables)
 
 
 def _seen_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:

@@ -146,4 +146,4 @@ def test_a_scan_of_a_fleet_takes_few_calls(tmp_path):
     numbers("first")  # loads what all scans need
     profile = cProfile.Profile()
     profile.runcall(numbers, "second")
-    assert pstats.Stats(profile).total_calls < 105_000
+    assert pstats.Stats(profile).total_calls < 100_000
