@@ -57,8 +57,30 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("law")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("capslip.output.exports.law.law", law_of)
+        for name, value in {"RATIO": 10 ** (1 / 4), "BELOW": 8, "ABOVE": 2}.items():
+            patch.setattr(f"capslip.structure.law.{name}", value)  # half as many over the range
         EXPORT.write(analysis, folder)
     return analysis, folder
+
+
+def ask_for_few_sliders(patch):
+    patch.setattr("capslip.structure.law.JENKINS_TOLERANCE", 0.5)
+    patch.setattr("capslip.structure.jenkins.DISPLACEMENTS", 8)
+    patch.setattr("capslip.structure.jenkins.SMALL_DISPLACEMENTS", 4)
+
+
+@pytest.fixture(autouse=True)
+def few_sliders(monkeypatch):
+    """Ask for few: those of `written` and `of_two`, made before, are looked at."""
+    ask_for_few_sliders(monkeypatch)
+
+
+@pytest.fixture
+def few_pressures(monkeypatch):
+    """Ask for the pressures at which a law is looked at, and for none between or far above them."""
+    few = {"RATIO_OF_OWN": 10 ** (1 / 8), "BELOW": 8, "BELOW_OF_OWN": 8, "MOST_TURNS": 0}
+    for name, value in (few | dict.fromkeys(("ABOVE", "ABOVE_OF_OWN", "ABOVE_SOLVED"), 1)).items():
+        monkeypatch.setattr(f"capslip.structure.law.{name}", value)
 
 
 YIELDS = ("material.hardness_Pa=1e7", "contact.model=interacting")
@@ -69,7 +91,12 @@ def yielding(tmp_path_factory):
     """Return the analysis of a face that yields, the folder of its law, and what is said of it."""
     analysis = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=YIELDS))
     folder = tmp_path_factory.mktemp("yielding")
-    return analysis, folder, EXPORT.write(analysis, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        ask_for_few_sliders(patch)
+        # Half as many pressures over the range, and more where the law needs them
+        for name, value in {"RATIO": 10 ** (1 / 8), "BELOW": 16, "ABOVE": 4}.items():
+            patch.setattr(f"capslip.structure.law.{name}_OF_OWN", value)
+        return analysis, folder, EXPORT.write(analysis, folder)
 
 
 FOUND = {}
@@ -374,6 +401,7 @@ def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
     assert secant == pytest.approx(found.normal_stiffness_Pa_per_m[i], rel=0.05)
 
 
+@pytest.mark.usefixtures("few_pressures")
 @pytest.mark.parametrize("n_scans", [1, 2])
 def test_the_cards_of_a_map_that_stands_higher_between_its_pixels_begin_where_it_touches(
     written, n_scans
@@ -520,6 +548,7 @@ def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
 
 
 # A face that yields comes to the same load by another way, and single pixels decide its detail
+@pytest.mark.usefixtures("few_pressures")
 @pytest.mark.parametrize(("hardness", "off"), [((), 0.02), (("material.hardness_Pa=4e8",), 0.25)])
 def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     tmp_path, hardness, off
@@ -539,6 +568,7 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     assert expected > 1.5 * analysis.contact.estimated_error
 
 
+@pytest.mark.usefixtures("few_pressures")
 def test_the_law_of_an_uneven_joint_has_the_error_of_its_greatest_pressure_there(tmp_path):
     """Not that of the joint, which rests on lighter patches."""
     path = tmp_path / "pressures.csv"
@@ -576,6 +606,7 @@ def law_about(analysis, folder):
     return re.search(r"Error: of the model, estimated at .*?%; at .*?%", comment)[0]
 
 
+@pytest.mark.usefixtures("few_pressures")
 def test_the_law_of_a_forced_model_without_its_error_says_none(tmp_path):
     settings = capslip.load_settings(overrides=("contact.model=interacting",))
     EXPORT.write(analyze_once(caps_map(CAPS, (240, 240)), settings), tmp_path)
@@ -709,6 +740,7 @@ LOWER_BY_M = (0.0, 2e-7, 5e-8, 3e-7, 1e-7, 0.0, 1.5e-7, 4e-7, 2.5e-7)
 UNEVEN = [(x, y, R, -low) for (x, y, R, _), low in zip(CAPS, LOWER_BY_M, strict=True)]
 
 
+@pytest.mark.usefixtures("few_pressures")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=1e7",)])
 def test_the_law_of_caps_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
     """Where it yields each pressure was reached for the first time, at its own level."""
@@ -756,6 +788,7 @@ def test_caps_that_stay_are_not_sought_under_each_pressure(written):
     assert finding_caps_anew(*given) is analysis.contact
 
 
+@pytest.mark.usefixtures("few_pressures")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
 def test_the_law_of_a_map_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
     given = ("contact.model=boundary_elements", *hardness)
@@ -795,6 +828,7 @@ def test_pressures_that_find_no_level_are_named(of_two, tmp_path):
     assert _without_level(replace(found, no_level_Pa=())) == []
 
 
+@pytest.mark.usefixtures("few_pressures")
 def test_a_level_that_stays_leaves_one_bed():
     """Nine caps in a square, whose load point is in their middle, do not turn under any load."""
     caps = [(x, y, R, 0.0) for x, y, R, _ in CAPS]
