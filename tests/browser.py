@@ -89,6 +89,14 @@ def ask_each(page, scripts, folder):
     return dict(zip(given, map(_answer, found), strict=True))
 
 
+def together(scripts):
+    """Return one script of several that run one after the other in one page, by their names."""
+    each = ", ".join(
+        f"{json.dumps(str(name))}: (() => {{ {one} }})()" for name, one in scripts.items()
+    )
+    return f"return {{ {each} }}"
+
+
 def _asking(page, script, tell=SAY):
     text = page.read_text("utf-8").replace("<head>", "<head>" + CATCH, 1)
     return text.replace("</body>", ASK % (script, tell) + "</body>", 1)

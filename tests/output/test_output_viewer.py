@@ -13,7 +13,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from browser import ask, ask_each, needs_chromium, picture
+from browser import ask, ask_each, needs_chromium, picture, together
 from capslip.errors import OutputError
 from capslip.output import viewer
 from capslip.output.picture import Look, state_line
@@ -76,10 +76,11 @@ FRAMES = """const v = window.capslipViewer, from = performance.now();
 @pytest.fixture(scope="module")
 def asked(page, tmp_path_factory):
     """Ask the page all at once."""
-    scripts = {"counts": COUNTS, "force": f"{FORCE}; return {SAY}", "say": f"return {SAY}"}
-    scripts |= {"first": FIRST, "touches": TOUCHES, "click": CLICK, "frames": FRAMES}
-    scripts |= {"420": (SIZE, 420), "1400": (SIZE, 1400)}
-    return ask_each(page, scripts, tmp_path_factory.mktemp("asked"))
+    looks = {"counts": COUNTS, "say": f"return {SAY}", "first": FIRST, "touches": TOUCHES}
+    scripts = {"looks": together(looks | {"1400": SIZE}), "420": (SIZE, 420), "click": CLICK}
+    scripts |= {"force": f"{FORCE}; return {SAY}", "frames": FRAMES}
+    found = ask_each(page, scripts, tmp_path_factory.mktemp("asked"))
+    return found | found["looks"]
 
 
 def unpacked(text, kind):
@@ -250,11 +251,12 @@ def test_page_says_how_much_of_a_pressed_map_touches_as_the_window_does(tmp_path
         "const v = window.capslipViewer; Object.assign(v.state, { load: %s, force: %s });"
         'v.update(); return document.querySelector(".viewer .state").innerText'
     )
-    areas = {}
-    for state in ((1.0, 0.0), (0.5, 0.0), (1.0, 0.5), (0.5, 1.0)):
+    areas, states = {}, ((1.0, 0.0), (0.5, 0.0), (1.0, 0.5), (0.5, 1.0))
+    asked = ask(tmp_path / "view.html", together({s: set_to % s for s in states}), tmp_path)
+    for state in states:
         said = state_line(view, Look(load_share=state[0], force_share=state[1]))
         said = " ".join(said.split("\n")[1:])
-        assert said in ask(tmp_path / "view.html", set_to % state, tmp_path)
+        assert said in asked[str(state)]
         areas[state] = re.search(r"about (\S+) mm² touch, (\d+) % of it sticks", said).groups()
     contact_mm2 = 1e6 * view.summary["contact"]["contact_area_m2"]
     assert float(areas[1.0, 0.0][0]) == pytest.approx(contact_mm2, rel=5e-3)
