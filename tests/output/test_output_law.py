@@ -548,7 +548,7 @@ def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
 
 
 # A face that yields comes to the same load by another way, and single pixels decide its detail
-@pytest.mark.usefixtures("few_pressures")
+@pytest.mark.usefixtures("few_pressures", "fewer_points")
 @pytest.mark.parametrize(("hardness", "off"), [((), 0.02), (("material.hardness_Pa=4e8",), 0.25)])
 def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     tmp_path, hardness, off
@@ -568,7 +568,7 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     assert expected > 1.5 * analysis.contact.estimated_error
 
 
-@pytest.mark.usefixtures("few_pressures")
+@pytest.mark.usefixtures("few_pressures", "fewer_points")
 def test_the_law_of_an_uneven_joint_has_the_error_of_its_greatest_pressure_there(tmp_path):
     """Not that of the joint, which rests on lighter patches."""
     path = tmp_path / "pressures.csv"
@@ -788,7 +788,7 @@ def test_caps_that_stay_are_not_sought_under_each_pressure(written):
     assert finding_caps_anew(*given) is analysis.contact
 
 
-@pytest.mark.usefixtures("few_pressures")
+@pytest.mark.usefixtures("few_pressures", "fewer_points")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
 def test_the_law_of_a_map_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
     given = ("contact.model=boundary_elements", *hardness)
