@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from capslip.caps.table import CapFlag, CapTable
+from capslip.caps.table import UNUSABLE, CapFlag, CapTable
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.rung import ModelError
 from capslip.problems import Problem
@@ -76,6 +76,22 @@ def test_hills_that_tip_over_matter_where_the_map_turns_by_half_their_height(
     given = [Problem("tips_over", "warning", "")]
     (problem,) = as_read(given, contact, caps(0.0, CapFlag.edge), 0.05, FLAT)
     assert problem.severity == ("warning" if read else "info")
+
+
+@pytest.mark.parametrize("usable", [True, False])
+@pytest.mark.parametrize(("tilt_rad", "read"), [(0.9e-3, False), (1.1e-3, True)])
+def test_hills_of_waves_stand_higher_than_their_cut_shows(usable, tilt_rad, read):
+    """The same caps, whose peaks stand 2 m over the middle of their map, counted as caps or not."""
+    contact = state("map")
+    contact.tilt_rad, contact.load_point_m = (0.0, tilt_rad), (1.0, -999.0)
+    given = [Problem("tips_over", "warning", "")]
+    few = caps(0.0, CapFlag.edge)
+    few = few.with_columns(
+        flags=np.where(np.arange(10) < usable, 0, int(UNUSABLE)).astype(np.uint16)
+    )
+    surface = HeightMap(np.full((9, 9), -1.0), (1e-6, 1e-6))
+    (problem,) = as_read(given, contact, few, 0.05, surface)
+    assert (problem.severity == "warning") == read
 
 
 def test_what_the_cut_left_out_matters_to_a_model_of_caps():

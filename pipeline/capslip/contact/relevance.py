@@ -38,7 +38,8 @@ ELSE = {
     "fit_not_settled",
 }
 FLAGGED_SHARE = 0.2  # of the load, on caps of one flag
-TIPPED = 0.5  # of the height of the caps: a face that turns so much comes down on its floor
+# Of the height of the caps over the middle of the map: a face that turns so much comes down on that
+TIPPED = 0.5
 APEX = CapFlag.apex_off_surface | CapFlag.noisy_apex  # whose heights have a standard error
 MISSING = CapFlag.edge | CapFlag.non_measured
 
@@ -80,7 +81,7 @@ def as_read(
         if code in COUNTS | ELSE | SHAPE | FLAGS.keys() and contact.rung.made_from != "spheres":
             return False
         if code == "tips_over":
-            return contact.rung.made_from != "map" or _tips(contact, caps)
+            return contact.rung.made_from != "map" or _tips(contact, caps, surface)
         if code in SHAPE and counted:
             return False
         if code == "non_square_pixels":
@@ -152,13 +153,19 @@ def _is_hidden(caps: CapTable, i: int, surface: HeightMap) -> bool:
     return bool((away_m[disc] > max(HIDDEN * radius_m, *size_m)).any())
 
 
-def _tips(contact: ContactState, caps: CapTable) -> bool:
-    """Tell whether the face turned until its peaks no longer stood as they had."""
-    at_m = np.stack((caps.x_m, caps.y_m), axis=1)[caps.usable] - contact.load_point_m
-    if at_m.size == 0:
+def _tips(contact: ContactState, caps: CapTable, surface: HeightMap) -> bool:
+    """Tell whether the face turned until its peaks no longer stood as they had.
+
+    Not by how far the caps stand above their cut: on waves that is a small part of their height,
+    and the plane of a few of them turns by as much from one cut to the next.
+    """
+    of = caps.usable if caps.usable.any() else np.ones(caps.usable.size, dtype=bool)
+    if not of.any():
         return True
-    rise_m = float(np.abs(at_m @ np.array(contact.tilt_rad)).max())
-    return not rise_m <= TIPPED * float(np.nanmax(caps.cap_height_m[caps.usable]))
+    at_m = np.stack((caps.x_m, caps.y_m), axis=1)[of] - contact.load_point_m
+    rise_m = float(np.fmax.reduce(np.abs(at_m @ np.array(contact.tilt_rad))))
+    height_m = float(np.fmax.reduce(caps.peak_height_m[of]) - np.nanmedian(surface.height_m))
+    return not rise_m <= TIPPED * height_m
 
 
 def _is_known(contact: ContactState, tolerance: float) -> bool:
