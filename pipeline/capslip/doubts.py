@@ -27,6 +27,7 @@ from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.rung import resolved_share
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.unloading import SMALL_SLIP, UNRESOLVED
+from capslip.contact.steepness import problems_of_steep_map
 from capslip.next_steps import with_next_steps
 from capslip.pressing import as_found
 from capslip.problems import Effect, Problem, Severity
@@ -110,6 +111,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_filling(surface, contact.approach_m),
         *_of_hidden_tops(face, contact),
         *_of_outline(face),
+        *problems_of_steep_map(contact, surface),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
         *problems_of_long_waves(

@@ -19,7 +19,7 @@ TAKE_ANOTHER = (
     "--model auto, which looks for one that carries it; or check the load, --area and units."
 )
 # Of a load that nobody gave and no joint bears: any other step is for a load that one has
-OF_THE_LOAD = ("pressure_beyond_elastic", "contact_failed", "face_closes")
+OF_THE_LOAD = ("pressure_beyond_elastic", "steep_contacts", "contact_failed", "face_closes")
 # Where the joint is larger than its scan, whose bulk is not that of the joint, see `joint_of`
 OF_THE_PARTS = {
     "bulk_dominates": "Take the stiffness of the parts as the joint's: the face adds next to none.",

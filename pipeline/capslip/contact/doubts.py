@@ -15,6 +15,7 @@ from capslip.contact.part_of_joint import WHOLE, few_contacts
 from capslip.contact.press import ContactState
 from capslip.contact.solvers.hertz import coefficient_of
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
+from capslip.contact.steepness import problems_of_steep_caps
 from capslip.contact.uneven_accuracy import by_energy
 from capslip.materials import MATERIALS
 from capslip.problems import Effect, Problem
@@ -159,6 +160,7 @@ def contact_doubts(
         *_beyond_the_caps(contact, caps, cut_certified),
         *_under_resolved(caps, pixel_area_m2),
         *_on_flagged_caps(caps),
+        *_steep(contact, caps),
         *problems_of_pressure(contact),
     ]
 
@@ -358,6 +360,12 @@ def problems_of_hidden_tops(
         "load"
     )
     return [Problem("tops_in_holes", "warning", message)]
+
+
+def _steep(contact: ContactState, caps: CapTable) -> list[Problem]:
+    if contact.hardness_Pa is None:
+        return []
+    return problems_of_steep_caps(caps.contact_radius_m, caps.radius_m, _loads_N(caps))
 
 
 def problems_of_pressure(contact: ContactState) -> list[Problem]:

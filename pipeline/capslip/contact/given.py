@@ -16,6 +16,7 @@ from capslip.contact.press import ContactState, problems_of_closing, refuse_more
 from capslip.contact.rung import Contacts
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.yielding import YieldLaw
+from capslip.contact.steepness import problems_of_steep_caps
 from capslip.errors import SettingsError
 from capslip.problems import Problem
 from capslip.settings import Settings
@@ -79,15 +80,16 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     problems = _beside_the_area(found, preload_N, settings.joint.area_m2)
     if found.count == 1:
         problems.append(Problem("one_contact", "warning", "one cap carries the whole preload"))
-    problems += _of_P(families, found.family[curve.asperity_loads_N(approach_m) > 0.0], approach_m)
+    each_N = curve.asperity_loads_N(approach_m)
+    problems += _of_P(families, found.family[each_N > 0.0], approach_m)
     pressure_Pa, yielded_m2, left_m = found.max_pressure_Pa, None, None
     if law is not None and pressure_Pa is not None:
         pressure_Pa = min(pressure_Pa, law.hardness_Pa)
-        before = [getattr(families, name).radius_m for name in found.family]
-        a_m = contact_radius_m(curve.asperity_loads_N(approach_m), curve.radius_m, joint.E_star_Pa)
-        area_m2s = curve.count * np.pi * a_m**2
-        yielded_m2 = float(area_m2s[curve.radius_m > before].sum())
+        before_m = np.array([getattr(families, name).radius_m for name in found.family])
+        a_m = contact_radius_m(each_N, curve.radius_m, joint.E_star_Pa)
+        yielded_m2 = float((curve.count * np.pi * a_m**2)[curve.radius_m > before_m].sum())
         left_m = top_m(families) - top_m(flat)
+        problems += problems_of_steep_caps(a_m, before_m, curve.count * each_N)
     state = ContactState(
         rung=RUNG,
         model_reason="the families were given",
@@ -116,8 +118,8 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         left_m=left_m,
         first=None if law is None else partial(_loaded_first, families, law, joint.E_star_Pa),
     )
-    whole = np.array([preload_N]), np.ones(1)
-    return Joint(settings.joint.area_m2, None, preload_N, *whole, preload_N), state
+    whole = (np.array([preload_N]), np.ones(1), preload_N)
+    return Joint(settings.joint.area_m2, None, preload_N, *whole), state
 
 
 def _preload_N(settings: Settings) -> float:
