@@ -3,11 +3,16 @@
 import ast
 import importlib
 import re
+import shlex
 from functools import reduce
 from pathlib import Path
 
 import pytest
 
+from capslip.analysis import analyze_once
+from capslip.cli import main
+from capslip.options import SETTING, settings_of
+from capslip.surface.readers import load_surface
 from test_house import FLOORS
 
 PROJECT = Path(__file__).parents[1]
@@ -100,3 +105,63 @@ def test_the_picture_names_every_room_and_files_that_exist():
     assert rooms <= set(re.findall(r"(\w+)/", text))
     for name in re.findall(r"\b\w+\.(?:py|toml)\b", text):
         assert list(PACKAGE.rglob(name)), f"the picture names {name}"
+
+
+TWO_FACES = (PROJECT / "docs" / "conditioning.md").read_text(encoding="utf-8")
+TWO_FACES = TWO_FACES[TWO_FACES.index("The difference is not small") :].partition("\n## ")[0]
+
+
+def by_command(line):
+    """Return the surface and its mate of a command, and its settings."""
+    command = main.commands["analyze"]
+    given = command.make_context("analyze", shlex.split(line)[2:]).params
+    settings = settings_of(
+        given["config"],
+        given["overrides"],
+        verbose=False,
+        **{name: given[name] for name in SETTING if given.get(name) is not None},
+    )
+    scans = (*given["surfaces"], given["mate"])
+    return [load_surface(PROJECT / scan) for scan in scans], settings
+
+
+def as_printed(found, mate, settings):
+    """Return the rows of the table of two faces as numbers, in its units."""
+    families, contact, slip = found.families, found.contact, found.slip
+    members = [one for one in (families.G, families.P) if one is not None]
+    together = settings.mating.way == "together"
+    faces = [found, analyze_once(mate, settings)] if together else [found]
+    forces_N = [share * slip.total_slip_force_N for share in (0.1, 0.25, 0.5, 0.75)]
+    return {
+        "Sq": [1e6 * one.conditioned.sq_m for one in faces],
+        "caps": [len(found.caps)],
+        "families": [one.count for one in members] + [1e6 * (families.h_m or 0.0)] * together,
+        "radius": [one.radius_m for one in members],
+        "caps that touch": [contact.contacts],
+        "approach": [1e6 * contact.approach_m],
+        "tangential stiffness": [1e-9 * slip.tangential_stiffness_N_per_m],
+        "W at T = 0.1, 0.25, 0.5, 0.75 mu N": [
+            1e9 * float(slip.energy_at_force_J(force_N)) for force_N in forces_N
+        ],
+    }
+
+
+def test_the_numbers_of_two_faces_are_those_of_their_commands():
+    lines = re.findall(r"^    (capslip analyze .+)$", TWO_FACES, re.MULTILINE)
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", TWO_FACES, re.MULTILINE)
+    printed = {name: cells for name, *cells in rows if name != "---"}
+    assert len(lines) == 2
+    known = []
+    for column, line in enumerate(lines):
+        (surface, mate), settings = by_command(line)
+        known.append(as_printed(analyze_once(surface, settings, mate), mate, settings))
+        assert known[-1].keys() == printed.keys()
+        for name, values in known[-1].items():
+            numbers = [float(one) for one in re.findall(r"\d+(?:\.\d+)?", printed[name][column])]
+            assert numbers == [float(f"{value:.3g}") for value in values], (name, column)
+    together, composite = known
+    (softer,) = re.findall(r"softer by (\d+) %", TWO_FACES)
+    (more,) = re.findall(r"loses (\S+) times as much", TWO_FACES)
+    K, W = "tangential stiffness", "W at T = 0.1, 0.25, 0.5, 0.75 mu N"
+    assert softer == f"{100.0 * (1.0 - composite[K][0] / together[K][0]):.0f}"
+    assert more == f"{composite[W][-1] / together[W][-1]:.1f}"
