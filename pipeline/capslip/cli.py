@@ -26,6 +26,7 @@ from capslip.options import (
     above_zero,
     analysis_options,
     joint_options,
+    not_of_reading,
     one_alone,
     reading_options,
     result_options,
@@ -353,6 +354,8 @@ def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: A
     path = out or Path(f"{scans[0].stem}-mean.h5")
     refuse_file(path, "h5")
     say = Progress(quiet, options["verbose"])
+    if (idle := not_of_reading(settings)) is not None:
+        say.warn(idle)
     maps = [_load(scan, settings, say)[0] for scan in scans]
     found, names = run(maps), [scan.name for scan in scans]
     write_hdf5(found.surface, path, mean_of=found.surface.origin.mean_of)

@@ -200,6 +200,24 @@ def _number(text: str) -> float | str:
         return text
 
 
+def not_of_reading(settings: "Settings") -> str | None:
+    """Return which settings were given to a command that reads scans and analyses none; or None.
+
+    The noise of a mean is what its scans differ by: none that is given is read.
+    """
+    from capslip.setting_errors import changed
+
+    others = [name for name in settings.__struct_fields__ if name not in ("reading", "run")]
+    names = changed(settings, others)
+    if not names:
+        return None
+    are = "is" if len(names) == 1 else "are"
+    return (
+        f"settings_ignored: {', '.join(names)} {are} not used: scans are read and averaged here, "
+        "and none is analysed; of the settings reading.* alone counts"
+    )
+
+
 def shard_of(text: str) -> tuple[int, int]:
     """Return part and parts of a batch, from 2/8."""
     part, _, parts = text.partition("/")

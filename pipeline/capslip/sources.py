@@ -323,7 +323,8 @@ def _names(scans: list[Scan], folder: Path | None = None) -> list[str]:
         return None if folder is None else _path_of(folder / "scans" / name)
 
     names = [_plain(scan.path.stem) for scan in scans]
-    for longer in (_with_ending, _with_folder, _with_mate, _with_preload, _with_digest):
+    more = (_with_mate, _with_preload, _with_group, _with_unit, _with_all, _with_digest)
+    for longer in (_with_ending, _with_folder, *more):
         pairs = list(zip(names, scans, strict=True))
         count = Counter(name.casefold() for name in names)
         same = Counter((name, scan.path) for name, scan in pairs)
@@ -359,6 +360,22 @@ def _with_mate(scan: Scan) -> str:
 
 def _with_preload(scan: Scan) -> str:
     return f"{_with_mate(scan)}_{scan.settings.contact.preload_N:g}N"
+
+
+def _with_group(scan: Scan) -> str:
+    return _joined(_with_mate(scan), scan.group)
+
+
+def _with_unit(scan: Scan) -> str:
+    return _joined(_with_mate(scan), scan.settings.reading.unit)
+
+
+def _with_all(scan: Scan) -> str:
+    return _joined(_with_preload(scan), scan.group, scan.settings.reading.unit)
+
+
+def _joined(*parts: str | None) -> str:
+    return _plain("_".join(part for part in parts if part is not None))
 
 
 def _with_digest(scan: Scan) -> str:

@@ -74,6 +74,19 @@ def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
 
 
+def test_what_a_mean_does_not_read_of_the_settings_is_said_in_one_line(scans):
+    plain = run("average", *scans, "-q", "-o", "plain.h5")
+    read = run("average", *scans, "--set", "reading.invert=false", "-q", "-o", "read.h5")
+    assert (plain.exit_code, plain.stderr, read.stderr) == (0, "", "")
+    idle = "instrument.noise_m=1e-9", "contact.preload_N=50", "run.figures=false"
+    given = [word for one in idle for word in ("--set", one)]
+    ran = run("average", *scans, *given, "-q", "-o", "given.h5")
+    assert (ran.exit_code, ran.stderr.count("\n")) == (0, 1)
+    names = "instrument.noise_m, contact.preload_N are not used"
+    assert ran.stderr.startswith(f"warning: settings_ignored: {names}")
+    assert load_surface("given.h5").noise_m == load_surface("plain.h5").noise_m
+
+
 def test_a_mean_that_finds_no_room_is_one_line_and_no_file(scans, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -181,7 +182,7 @@ def test_a_name_is_as_much_of_the_path_as_tells_the_scans_apart():
     assert _names([scan("a.h5", 3), scan("a.h5", 40)]) == ["a.h5_3N", "a.h5_40N"]
     alike = [scan("a.h5", group="l"), scan("a.h5", group="r"), scan("a.h5", mate=Path("b.h5"))]
     names = _names(alike)
-    assert names == [*(f"a.h5_{one.digest}" for one in alike[:2]), "a.h5_b"]
+    assert names == ["a.h5_l", "a.h5_r", "a.h5_b"]
     assert len(set(names)) == 3
     b, c = Path("x/b.h5"), Path("x/c.h5")
     assert _names([scan("a.h5"), scan("a.h5", mate=b), scan("a.h5", mate=c)]) == [
@@ -194,6 +195,23 @@ def test_a_name_is_as_much_of_the_path_as_tells_the_scans_apart():
         "a.h5_b_40N",
         "a.h5",
     ]
+
+
+def test_what_a_list_says_of_a_scan_names_its_results_as_far_as_it_tells_them_apart():
+    both = [scan("a.h5", N, group) for N in (3, 40) for group in ("joint 7", "a/b", None)]
+    ends = "_joint 7", "_a_b", ""
+    assert _names(both) == [f"a.h5_{N}N{end}" for N in (3, 40) for end in ends]
+    um, nm, cut, deeper = (
+        Scan(Path("a.csv"), load_settings(overrides=(f"{name}={value}",)))
+        for name, value in (
+            *(("reading.unit", "um"), ("reading.unit", "nm")),
+            *(("hills.material_ratio", 0.2), ("hills.material_ratio", 0.3)),
+        )
+    )
+    assert _names([um, nm, scan("a.csv")]) == ["a.csv_um", "a.csv_nm", "a.csv"]
+    grouped = [replace(um, group="l"), replace(um, group="r"), nm]
+    assert _names(grouped) == ["a.csv_l", "a.csv_r", "a.csv"]
+    assert _names([cut, deeper]) == [f"a.csv_{one.digest}" for one in (cut, deeper)]
 
 
 @pytest.mark.usefixtures("here")
