@@ -58,6 +58,7 @@ from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
 from capslip.surface.resampling import problems_of_fewer_points
 from capslip.surface.taken_form import problems_of_taken_form
+from capslip.surface.waves import problems_of_short_waves
 from capslip.units import off_by, percent, share_of
 
 # Of what lies where nothing was measured, and of that alone
@@ -116,6 +117,9 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *_of_ripple(contact, surface),
         *problems_of_long_waves(
             surface, face.conditioned.unfiltered_as_turned(), contact.approach_m
+        ),
+        *problems_of_short_waves(
+            surface, face.conditioned.with_short_waves_as_turned(), contact.approach_m
         ),
         *problems_of_taken_form(
             surface, face.conditioned.with_form_as_turned(), contact.approach_m, settings

@@ -12,7 +12,8 @@ from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import UNUSABLE, CapFlag
 from capslip.contact.effects import with_effects
 from capslip.contact.map_curve import BoundaryElementCurve
-from capslip.contact.trials import FaceOfCaps, _load_seen, _moved
+from capslip.contact.relevance import load_seen
+from capslip.contact.trials import FaceOfCaps, _moved
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -112,10 +113,10 @@ def test_what_of_a_contact_was_not_measured_carries_nothing():
         (r < 7e-4, (0.0, 0.0)),
     ):
         lost = HeightMap(np.where(hole, np.nan, 0.0), (size, size))
-        seen = _load_seen(at[[1, 1]], at[[0, 0]], a, lost)
+        seen = load_seen(at[[1, 1]], at[[0, 0]], a, lost)
         assert seen == pytest.approx(expected, abs=0.01)
     whole = HeightMap(np.zeros((200, 300)), (size, size))
-    assert _load_seen(np.array([0.0]), at[:1], a[:1], whole) == pytest.approx(0.5, abs=0.01)
+    assert load_seen(np.array([0.0]), at[:1], a[:1], whole) == pytest.approx(0.5, abs=0.01)
 
 
 @ON_FEWER
@@ -754,6 +755,59 @@ def test_a_filter_that_takes_nothing_off_is_no_doubt():
     hills_m = 1e-7 * np.cos(2.0 * np.pi * x / 8.0) * np.cos(2.0 * np.pi * y / 6.0)
     one = found(HeightMap(hills_m, (2e-4, 2e-4)), *PRESSED, f"{FILTER}=12e-3")
     assert "long_waves_filtered" not in {problem.code for problem in one.problems}
+
+
+S_FILTER = "conditioning.s_filter_nesting_index_m"
+
+
+@pytest.mark.parametrize(
+    ("seed", "index_m", "severity"),
+    [(5, 1e-3, "info"), (4, 2e-3, "warning"), (5, 3e-3, "warning")],
+)
+def test_a_filter_of_short_waves_moves_what_the_map_without_it_changes(seed, index_m, severity):
+    """And is a warning by that: W fell by 18 % under `ok`."""
+    whole, other = (
+        found_waves(seed, 3e-3, *PRESSED, *more) for more in ((), (f"{S_FILTER}={index_m}",))
+    )
+    assert_moves(other, whole, severity, 0.3, "short_waves_filtered")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_noise_that_a_filter_takes_off_is_no_wave_of_the_face(known):
+    """What it moves is held against the face without noise: the map with it is farther off."""
+    words = (*PRESSED, f"{S_FILTER}=1e-3")
+    noisy, smooth = of_waves(5, noise_m=2e-9), found_waves(5, 3e-3, *PRESSED)
+    other = found(noisy, *words, *(["instrument.noise_m=2e-9"] if known else []))
+    (said,) = [one for one in other.problems if one.code == "short_waves_filtered"]
+    moved = moved_energy(other, smooth)
+    assert moved < 0.05
+    assert moved_energy(other, found(noisy, *PRESSED)) > 0.2
+    assert said.severity == "info"
+    assert said.effect.energy == pytest.approx(moved, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("seed", "index_m", "severity"),
+    [(5, 8e-4, "info"), (5, 2e-3, "warning"), (4, 4e-3, "warning"), (5, 4e-3, "warning")],
+)
+def test_one_more_filter_of_short_waves_tells_what_the_first_did_to_caps(seed, index_m, severity):
+    """The energy within a factor of three."""
+    words = ("contact.preload_N=60", "contact.model=interacting")
+    whole, other = (
+        found_waves(seed, 3e-3, *words, *more) for more in ((), (f"{S_FILTER}={index_m}",))
+    )
+    (said,) = [one for one in other.problems if one.code == "short_waves_filtered"]
+    assert said.message.endswith("(estimated with the caps)")
+    moved = moved_energy(other, whole, LARGE)
+    assert 0.3 * moved < said.effect.energy < 1.2 * moved
+    assert said.severity == severity
+
+
+def test_a_filter_of_short_waves_that_takes_nothing_off_is_no_doubt():
+    y, x = np.indices((60, 80)) + 0.5
+    wide_m = 1e-7 * np.cos(np.pi * x / 40.0) * np.cos(np.pi * y / 30.0)
+    one = found(HeightMap(wide_m, (2e-4, 2e-4)), *PRESSED, f"{S_FILTER}=8e-4")
+    assert "short_waves_filtered" not in {problem.code for problem in one.problems}
 
 
 def test_fewer_points_are_not_followed_again_to_be_held_against_more(monkeypatch):

@@ -51,6 +51,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
         seams=None,
         finer_as_turned=lambda: None,
         unfiltered_as_turned=lambda: None,
+        with_short_waves_as_turned=lambda: None,
         with_form_as_turned=lambda: None,
         surface=SimpleNamespace(
             height_m=height_m,
@@ -89,6 +90,7 @@ def test_what_is_asked_for_begins_at_the_least_share():
         ("bow_left", 1e-9, False),
         ("bow_left", None, True),
         ("long_waves_filtered", None, False),
+        ("short_waves_filtered", None, False),
         ("form_taken_off", None, False),
     ],
 )
@@ -199,6 +201,7 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
         ("seams", "info", face(), False),
         ("resampled_coarser", "warning", face(), True),
         ("long_waves_filtered", "warning", face(), True),
+        ("short_waves_filtered", "warning", face(), True),
         ("form_taken_off", "warning", face(), True),
         ("form_taken_off", "info", face(), True),
         ("bow_left", "info", face(), True),

@@ -258,6 +258,27 @@ def test_tilt_missing_points_and_spikes_leave_the_caps_alone(name):
 
 
 @pytest.mark.parametrize("shape", [None, (57, 82)])
+@pytest.mark.parametrize("long_m", [None, 2e-3])
+def test_what_a_filter_of_short_waves_took_off_is_kept(long_m, shape):
+    """On the points of the surface, without the long waves, and turned with it."""
+    more = {"l_filter_nesting_index_m": long_m, "resample_to": shape}
+    whole, smooth = (
+        condition(HeightMap(rough(), PIXEL_M), s_filter_nesting_index_m=index_m, **more)
+        for index_m in (None, 0.5e-3)
+    )
+    assert whole.with_short_waves is None
+    assert whole.with_short_waves_as_turned() is None
+    assert whole.rough.shape == whole.surface.shape
+    np.testing.assert_array_equal(smooth.with_short_waves.height_m, whole.surface.height_m)
+    assert smooth.rough is smooth.with_short_waves
+    assert smooth.surface.height_m.std() < 0.9 * smooth.rough.height_m.std()
+    face = smooth.turned(smooth.surface, (1e-4, -3e-4), (0.0, 0.0), {"step": "level"})
+    up_m = face.with_short_waves_as_turned().height_m - smooth.rough.height_m
+    (dy_m, dx_m), (row, col) = smooth.surface.pixel_size_m, np.indices(smooth.surface.shape)
+    assert np.ptp(up_m - 1e-4 * col * dx_m + 3e-4 * row * dy_m) < 1e-15
+
+
+@pytest.mark.parametrize("shape", [None, (57, 82)])
 def test_what_a_filter_of_long_waves_took_off_is_kept(shape):
     """On the points of the surface, and turned with it."""
     surface = HeightMap(rough(), PIXEL_M)

@@ -362,6 +362,24 @@ def test_the_sum_of_faces_less_their_forms_knows_that_of_faces_with_them():
 
 
 @pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
+def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_short_waves(filtered):
+    scans = [HeightMap(waves((60, 90), seed), PIXEL_M) for seed in (1, 2)]
+    whole = [condition(one) for one in scans]
+    faces = [
+        condition(one, s_filter_nesting_index_m=6.0 * max(PIXEL_M) if smooth else None)
+        for one, smooth in zip(scans, filtered, strict=True)
+    ]
+    placement = place(*(one.surface for one in faces), offset_m=(3e-4, -7e-4))
+    both = mate(*faces, placement)
+    assert mate(*faces, placement, way="together").with_short_waves is None
+    if not any(filtered):
+        assert both.with_short_waves is None
+        return
+    expected = composite_surface(*(one.surface for one in whole), placement)
+    np.testing.assert_allclose(both.with_short_waves.height_m, expected.height_m, atol=1e-20)
+
+
+@pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
 def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_long_waves(filtered):
     shape = (60, 90)
     scans = [HeightMap(waves(shape, seed), PIXEL_M) for seed in (1, 2)]

@@ -15,7 +15,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.rung import Scene
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.contact.solvers.noise import white_noise_m
-from capslip.contact.trials import LEFT_OUT, FaceOfCaps, Trials
+from capslip.contact.trials import LEFT_OUT, SMOOTHED, FaceOfCaps, Trials
 from capslip.errors import CapslipError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
@@ -40,14 +40,21 @@ OF_THE_HEIGHTS = (
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 COARSER, FILTERED, FORMED = "resampled_coarser", "long_waves_filtered", "form_taken_off"
+ROUGHER = (COARSER, SMOOTHED)  # of which the other map has waves that the one that answers lacks
 # Doubts that are warnings where nobody knows what they move, and why nobody does
 UNKNOWN = {
     COARSER: "more points have no answer",
     FILTERED: "the face with them has no answer",
+    SMOOTHED: "the face with them has no answer",
     FORMED: "the caps or the map without it do not tell",
     BLURRED: "caps with one more blur have no answer",
 }
-NOT_OF_THE_FACE = (FILTERED, FORMED, BLURRED)  # what was chosen or is of the optics, and no sign
+NOT_OF_THE_FACE = (
+    FILTERED,
+    SMOOTHED,
+    FORMED,
+    BLURRED,
+)  # what was chosen or is of the optics, and no sign
 LEAST_MOVED = 1e-3  # less is not noted of what is no sign of the face itself
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
@@ -132,7 +139,8 @@ def with_effects(
     """
     before = conditioned.unfiltered_as_turned(), conditioned.with_form_as_turned()
     others = conditioned.seams, conditioned.finer_as_turned(), *before
-    face = FaceOfCaps(conditioned.surface, settings, *others)
+    rough = conditioned.with_short_waves_as_turned()
+    face = FaceOfCaps(conditioned.surface, settings, *others, with_short_waves=rough)
     tolerance = settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
     filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
@@ -295,6 +303,11 @@ def _coarser_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return face.surface, *([] if face.finer is None else [face.finer])
 
 
+def _smoothed_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+    """Return a map, and the same with the short waves that a filter took off."""
+    return face.surface, *([] if face.with_short_waves is None else [face.with_short_waves])
+
+
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
     """Return a map, and the same with the points that were removed from it."""
     surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
@@ -314,9 +327,14 @@ OF_THE_MAP = {
     "interpolated": _interpolated_or_not,
     "points_filled": _filled_or_not,
     COARSER: _coarser_or_not,
+    SMOOTHED: _smoothed_or_not,
     "ripple": _rippled_or_not,
 }
-HOW = {COARSER: "with more points", "ripple": "without it"}  # a map is pressed of these
+HOW = {
+    COARSER: "with more points",
+    SMOOTHED: "with them, but for white noise",
+    "ripple": "without it",
+}  # a map is pressed of these
 
 
 def _effect_on_map(
@@ -344,10 +362,10 @@ def _effect_on_map(
     def answers_on(surface: HeightMap) -> tuple[np.ndarray, np.ndarray]:
         known = surface is face.surface
         scene = Scene.of(peaks, none, surface, settings, peaks.usable, contact.at_ease_rad)
-        if code == COARSER and not known:
+        if code in ROUGHER and not known:
             scene = replace(scene, noise_m=_seen_noise_m(scene))
         curve = contact.normal if known else model.build(scene)
-        followed = code == COARSER and known  # at more forces, to far less than waves move
+        followed = code in ROUGHER and known  # at more forces, to far less than waves move
         if model.at_forces is not None and not followed:
             curve = model.at_forces(curve, FORCE_SHARES)
         approach_m = curve.approach_m(preload_N) - bulk_m

@@ -1,5 +1,6 @@
 """Which doubts about hills, caps and families the model that pressed the face has to share."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +43,7 @@ FLAGGED_SHARE = 0.2  # of the load, on caps of one flag
 TIPPED = 0.5
 APEX = CapFlag.apex_off_surface | CapFlag.noisy_apex  # whose heights have a standard error
 MISSING = CapFlag.edge | CapFlag.non_measured
+LOAD_PLACES, GOLDEN_ANGLE = 400, math.pi * (3.0 - math.sqrt(5.0))  # of a contact, on a spiral
 
 
 def as_read(
@@ -184,3 +186,18 @@ def _share(caps: CapTable, flag: CapFlag) -> float:
     """Return the share of the load on caps of a flag."""
     load_N = np.where(caps.load_N > 0.0, caps.load_N, 0.0)
     return float(load_N[(caps.flags & flag) != 0].sum() / max(load_N.sum(), 1e-300))
+
+
+def load_seen(x_m: np.ndarray, y_m: np.ndarray, a_m: np.ndarray, surface: HeightMap) -> np.ndarray:
+    """Return the share of the loads of Hertz contacts that rests on measured points.
+
+    Each is made of as many places of equal load: within r are 1 - (1 - (r / a)^2)^1.5 of it.
+    """
+    place = (np.arange(LOAD_PLACES) + 0.5) / LOAD_PLACES
+    r, angle = np.sqrt(1.0 - (1.0 - place) ** (2.0 / 3.0)), GOLDEN_ANGLE * np.arange(LOAD_PLACES)
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    row = np.floor((y_m[:, None] + a_m[:, None] * r * np.sin(angle)) / dy_m).astype(int)
+    col = np.floor((x_m[:, None] + a_m[:, None] * r * np.cos(angle)) / dx_m).astype(int)
+    inside = (row >= 0) & (row < ny) & (col >= 0) & (col < nx)
+    seen = inside & surface.measured[np.clip(row, 0, ny - 1), np.clip(col, 0, nx - 1)]
+    return np.asarray(seen.mean(axis=1))

@@ -18,7 +18,7 @@ from capslip.contact.map_doubts import BLURRED
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
-from capslip.contact.relevance import MISSING
+from capslip.contact.relevance import MISSING, load_seen
 from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
@@ -33,6 +33,8 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes
 from capslip.surface.seams import Seams, levels_m, tilts_m
 
+SMOOTHED = "short_waves_filtered"
+OF_OTHER_MAPS = ("long_waves_filtered", "form_taken_off", BLURRED, SMOOTHED)
 LEFT_OUT = {"load_on_doubtful_caps": DOUBTFUL}  # flags of caps that may carry nothing, or less
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
@@ -40,7 +42,6 @@ PATCH = 3  # removed points that touch each other, from which they are one punch
 DRAWS = 8  # of the hills in a hole
 UNLIKELY = 0.1  # chance that any hill was not seen at all
 DRAWS_OF_HEIGHTS = 16
-LOAD_PLACES, GOLDEN_ANGLE = 400, math.pi * (3.0 - math.sqrt(5.0))  # of a contact, on a spiral
 LEAST_SEEN = 0.05  # of the load of a contact; below, its cap carries nothing
 
 
@@ -55,12 +56,26 @@ class FaceOfCaps:
     unfiltered: HeightMap | None = None  # the same with its long waves, see there
     with_form: HeightMap | None = None  # the same with its form
 
-    @cached_property
-    def blurred(self) -> HeightMap | None:
-        """The map as the optics would show it once more; None where nobody describes them."""
-        surface, period_m = self.surface, self.settings.instrument.lateral_period_limit_m
-        given = surface.height_m, surface.measured, surface.pixel_size_m
-        return None if period_m is None else replace(surface, height_m=blurred(*given, period_m))
+    with_short_waves: HeightMap | None = None
+
+    def other(self, code: str) -> HeightMap | None:
+        """Return the map as it may be as well; None where nobody knows it.
+
+        As the optics would show it once more. What an S-filter takes off once more is no noise, and
+        of waves that it halves half of what it took off before: twice that is put back.
+        """
+        if code not in (BLURRED, SMOOTHED):
+            return self.unfiltered if code == "long_waves_filtered" else self.with_form
+        surface, settings = self.surface, self.settings
+        filtered_m = settings.conditioning.s_filter_nesting_index_m
+        period_m = settings.instrument.lateral_period_limit_m if code == BLURRED else filtered_m
+        if period_m is None:
+            return None
+        height_m = surface.height_m
+        once_more_m = blurred(height_m, surface.measured, surface.pixel_size_m, period_m)
+        if code == SMOOTHED:
+            once_more_m = height_m + 2.0 * (height_m - once_more_m)
+        return replace(surface, height_m=once_more_m)
 
     def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
         """Return the caps over the plane that balances them, and their curve with interaction."""
@@ -153,12 +168,8 @@ class Trials:
             yield self._levelled()
         elif code == "seams":
             yield from self._in_one_field()
-        elif code == "long_waves_filtered":
-            yield self._on(self.face.unfiltered)
-        elif code == "form_taken_off":
-            yield self._on(self.face.with_form)
-        elif code == BLURRED:
-            yield self._on(self.face.blurred)
+        elif code in OF_OTHER_MAPS:
+            yield self._on(self.face.other(code))
         elif code in ("interpolated", "points_filled", "resampled_coarser", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
@@ -258,7 +269,7 @@ class Trials:
         seen = 1.0 - flagged
         part = flagged & ((caps.flags & flag & ~MISSING) == 0)
         a_m = np.nan_to_num(caps.contact_radius_m)
-        seen[part] = _load_seen(caps.x_m[part], caps.y_m[part], a_m[part], self.face.surface)
+        seen[part] = load_seen(caps.x_m[part], caps.y_m[part], a_m[part], self.face.surface)
         return caps.with_columns(
             radius_m=caps.radius_m * np.where(seen > LEAST_SEEN, seen, 1.0) ** 2,
             flags=np.where(seen > LEAST_SEEN, caps.flags, caps.flags | UNUSABLE),
@@ -345,7 +356,7 @@ class Trials:
             plane_m = float(whole.peak_height_m[whole.usable].max()) - approach_m
             up_m = np.maximum(whole.peak_height_m[len(caps) :] - plane_m, 0.0)
             a_m = np.sqrt(tops.radius_m * up_m)
-            yield with_tops(tops.height_m, _load_seen(tops.x_m, tops.y_m, a_m, surface))
+            yield with_tops(tops.height_m, load_seen(tops.x_m, tops.y_m, a_m, surface))
 
     def _with_points(self) -> Iterator[CapTable]:
         """Return caps with the removed points that would touch, if there are any.
@@ -428,21 +439,6 @@ def _share_of_tops(caps: CapTable, area_m2: np.ndarray) -> np.ndarray:
     known = np.isfinite(caps.contact_radius_m) & (whole_m2 > 0.0)
     share = np.divide(area_m2, whole_m2, out=np.ones_like(area_m2), where=known)
     return np.minimum(share, 1.0)
-
-
-def _load_seen(x_m: np.ndarray, y_m: np.ndarray, a_m: np.ndarray, surface: HeightMap) -> np.ndarray:
-    """Return the share of the loads of Hertz contacts that rests on measured points.
-
-    Each is made of as many places of equal load: within r are 1 - (1 - (r / a)^2)^1.5 of it.
-    """
-    place = (np.arange(LOAD_PLACES) + 0.5) / LOAD_PLACES
-    r, angle = np.sqrt(1.0 - (1.0 - place) ** (2.0 / 3.0)), GOLDEN_ANGLE * np.arange(LOAD_PLACES)
-    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    row = np.floor((y_m[:, None] + a_m[:, None] * r * np.sin(angle)) / dy_m).astype(int)
-    col = np.floor((x_m[:, None] + a_m[:, None] * r * np.cos(angle)) / dx_m).astype(int)
-    inside = (row >= 0) & (row < ny) & (col >= 0) & (col < nx)
-    seen = inside & surface.measured[np.clip(row, 0, ny - 1), np.clip(col, 0, nx - 1)]
-    return np.asarray(seen.mean(axis=1))
 
 
 def _chance_to_hide(

@@ -55,6 +55,9 @@ class Conditioned:
     unfiltered : HeightMap, or None
         The same face with the long waves that a filter took off; without the planes that were added
         since.
+    with_short_waves : HeightMap, or None
+        The same face with the short waves that a filter took off; without the planes that were
+        added since.
     form : TakenForm, or None
         What was taken off beside a plane; None of two faces.
     with_forms : HeightMap, or None
@@ -75,6 +78,7 @@ class Conditioned:
     tops_of_scans: tuple[Tops | None, ...] = ()
     finer: HeightMap | None = None
     unfiltered: HeightMap | None = None
+    with_short_waves: HeightMap | None = None
     form: TakenForm | None = None
     with_forms: HeightMap | None = None
     measured_shape: tuple[int, int] | None = None
@@ -115,6 +119,11 @@ class Conditioned:
         """Return the map as it was fitted, with the long waves that a filter took off."""
         return self.as_fitted() if self.unfiltered is None else self.unfiltered
 
+    @property
+    def rough(self) -> HeightMap:
+        """Return the map as it was fitted, with the short waves that a filter took off."""
+        return self.as_fitted() if self.with_short_waves is None else self.with_short_waves
+
     def finer_as_turned(self) -> HeightMap | None:
         """Return `finer` as the surface lies, but for a constant, and with its voids."""
         return self._as_turned(self.finer)
@@ -122,6 +131,10 @@ class Conditioned:
     def unfiltered_as_turned(self) -> HeightMap | None:
         """Return `unfiltered` as the surface lies, but for a constant, and with its voids."""
         return self._as_turned(self.unfiltered)
+
+    def with_short_waves_as_turned(self) -> HeightMap | None:
+        """Return the map with its short waves as it lies, but for a constant, with its voids."""
+        return self._as_turned(self.with_short_waves)
 
     @property
     def formed(self) -> HeightMap:
@@ -232,11 +245,12 @@ def condition(
         steps.append({"step": "filling", **surface.filling.step})
 
     if s_filter_nesting_index_m is not None:
+        also["with_short_waves"] = _without_long(surface, l_filter_nesting_index_m, resample_to)
         surface = gaussian_s_filter(surface, s_filter_nesting_index_m)
         steps.append({"step": "s_filter", "nesting_index_m": s_filter_nesting_index_m})
     if l_filter_nesting_index_m is not None:
         also["form"] = None  # it is one of the long waves
-        also["unfiltered"] = surface if resample_to is None else resample(surface, resample_to)
+        also["unfiltered"] = _without_long(surface, None, resample_to)
         surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
         steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
     if resample_to is not None:
@@ -250,6 +264,14 @@ def condition(
     also |= {"removed": found} if removed_m.size else {}
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
     return Conditioned(*known, tops_of_scans=(surface.tops,), **also)
+
+
+def _without_long(
+    surface: HeightMap, long_m: float | None, shape: tuple[int, int] | None
+) -> HeightMap:
+    """Return a map without waves longer than that, on so many points, each where it is asked."""
+    short = surface if long_m is None else gaussian_l_filter(surface, long_m)
+    return short if shape is None else resample(short, shape)
 
 
 def _beside_plane(before: HeightMap, after: HeightMap, form: Form) -> TakenForm | None:

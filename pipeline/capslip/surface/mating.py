@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -318,6 +318,7 @@ def mate(
             tops_of_scans=tops,
             finer=None,
             unfiltered=None,
+            with_short_waves=None,
             form=None,
         )
     problems = [
@@ -328,21 +329,21 @@ def mate(
     sq_m, sz_m = sq_and_sz_m(surface)
     second_m = surface.height_m - on_same.height_m
     found = surface, sq_m, sz_m, steps, (*problems, *doubts)
-    finer = unfiltered = with_forms = None
-    fit = {"robust": robust, "floor": floor}
-    if first.finer is not None or second.finer is not None:
-        finer = composite_surface(first.finest, second.finest, placement, **fit)
-    if first.unfiltered is not None or second.unfiltered is not None:
-        unfiltered = composite_surface(first.whole, second.whole, placement, **fit)
-    if first.form is not None or second.form is not None:
-        with_forms = composite_surface(first.formed, second.formed, placement, **fit)
+    others: dict[str, Any] = {}
+    for name, where, whole in (
+        ("finer", "finer", "finest"),
+        ("unfiltered", "unfiltered", "whole"),
+        ("with_short_waves", "with_short_waves", "rough"),
+        ("with_forms", "form", "formed"),
+    ):
+        if any(getattr(one, where) is not None for one in (first, second)):
+            both = getattr(first, whole), getattr(second, whole), placement
+            others[name] = composite_surface(*both, robust=robust, floor=floor)
     return Conditioned(
         *found,
         second_m=second_m,
         tops_of_scans=tops,
-        finer=finer,
-        unfiltered=unfiltered,
-        with_forms=with_forms,
+        **others,
         measured_shape=first.measured_shape,
     )
 

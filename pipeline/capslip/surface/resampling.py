@@ -64,11 +64,13 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         2.0 * new_m if n < n_old else 0.0
         for new_m, n, n_old in zip(size_m, shape, surface.shape, strict=True)
     ]
-    z = smooth(surface, *index_m) if any(index_m) else surface.height_m
-    weight = surface.measured.astype(np.float64)
-    z = np.where(surface.measured, z, 0.0)
+    z = smooth(surface, *index_m) if any(index_m) else surface.height_m.copy()
+    z[~surface.measured] = 0.0
     for axis, n in enumerate(shape):
-        z, weight = _along(z, axis, n), _along(weight, axis, n)
+        z = _along(z, axis, n)
+    weight = surface.measured.astype(np.float64)  # after the heights, for less memory at a time
+    for axis, n in enumerate(shape):
+        weight = _along(weight, axis, n)
     known = weight >= LEAST_MEASURED
     z = np.divide(z, weight, out=np.full(weight.shape, np.nan), where=known)
     return replace(surface, height_m=z, pixel_size_m=size_m, noise_m=None)

@@ -1,8 +1,10 @@
-"""The longest waves that a scan shows: what its spectrum says of those that it does not hold."""
+"""Waves that a map lacks: longer than its scan, by its spectrum, or taken off by an S-filter."""
 
 import numpy as np
 
-from capslip.surface.form import remove_form
+from capslip.problems import Problem
+from capslip.surface.doubts import VISIBLE_RIPPLE
+from capslip.surface.form import height_taken_off_m, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.rows import row_blocks
 
@@ -52,3 +54,32 @@ def _cosines(n: int) -> np.ndarray:
     order = np.arange(NEXT + 1)[:, None]
     cosine = np.cos(np.pi * order * (np.arange(n) + 0.5) / n)
     return np.asarray(np.where(order == 0, 1.0, np.sqrt(2.0)) * cosine)
+
+
+def problems_of_short_waves(
+    surface: HeightMap, rough: HeightMap | None, approach_m: float
+) -> list[Problem]:
+    """Return whether a filter took off short waves that may be the tops on which a face rests.
+
+    Lower than a ripple that is seen they are none. Noise is among them, which their effect leaves
+    out.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        After the filter.
+    rough : HeightMap or None
+        The same face, on the same points, before it; None where there was none.
+    approach_m : float
+        With which the waves are compared.
+    """
+    if rough is None:
+        return []
+    height_m = height_taken_off_m(rough, surface)
+    if height_m <= VISIBLE_RIPPLE * approach_m:
+        return []
+    message = (
+        f"the S-filter took off short waves, and noise, {height_m:.3g} m high, the approach is "
+        f"{approach_m:.3g} m: what of them is the face's own decides how its tops touch"
+    )
+    return [Problem("short_waves_filtered", "warning", message)]
