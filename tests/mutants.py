@@ -87,7 +87,13 @@ TABLE = [
             *("tests/surface/test_*outliers*.py", "tests/surface/test_*filling*.py"),
         ),
     ),
-    (("surface/flatness.py",), ("tests/surface/test_*doubts*.py", "tests/test_verdict.py")),
+    (
+        ("surface/flatness.py",),
+        (
+            *("tests/surface/test_*doubts*.py", "tests/test_verdict.py"),
+            "tests/surface/test_*average*.py",
+        ),
+    ),
     (
         ("surface/graph.py", "surface/rows.py", "surface/steps.py"),
         (

@@ -186,6 +186,8 @@ FACES = {
     "sieve": lambda: sieve(0.8),
     "coarse-sieve": lambda: sieve(0.99),
     "tilted": lambda: of(plain_m() + 1e-6 * X_M),
+    "mean": lambda: replace(caps(), form_error_m=1e-7),
+    "mean-of-much-alike": lambda: replace(caps(), form_error_m=6e-9),
     "bowed": lambda: of(plain_m() + 1e-7 * (X_M / 36e-3 - 1.0) ** 2),
     "interpolated": lambda: of(
         zoom(FACES["in-one-field"]().height_m[::3, ::3], 3, order=1, grid_mode=True, mode="nearest")
@@ -394,6 +396,9 @@ ROWS = [
         "bowed levelled of-no-bow"),
     Row("bow_left", "info", "moves the stiffness by", "bowed levelled loosely",
         "bowed levelled quadratic to-its-floor"),
+    Row("forms_of_scans_differ", "warning", "a bow of 1e-07 m (standard error)", "mean"),
+    Row("forms_of_scans_differ", "info", "a bow of 6e-09 m (standard error)",
+        "mean-of-much-alike"),
     Row("bow_left", "warning", "may come of the form that was taken off",
         "low-side quadratic strictly", "low-side quadratic to-its-floor strictly"),
     Row("bow_left", "info", "may come of the form that was taken off", "plain quadratic",

@@ -49,10 +49,12 @@ from capslip.surface.doubts import (
 )
 from capslip.surface.flatness import (
     degree_taken_off,
+    error_of_form_m,
     known_flatness_m,
     problems_of_fit,
     problems_of_flatness,
     problems_of_form,
+    problems_of_scans,
 )
 from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
@@ -322,6 +324,8 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     if taken_off <= 1:
         flatness_m = known_flatness_m(face.conditioned.surface, settings)
         problems += _of_bow(face, contact.approach_m, flatness_m)
+        error_m = error_of_form_m(face.conditioned.surface, settings)
+        problems += problems_of_scans(error_m, contact.approach_m)
     elif not conditioning.form_floor:
         level = face.level
         coarse = coarse_map(face.conditioned.surface) if level is None else level.coarse

@@ -757,6 +757,23 @@ def test_a_filter_that_takes_nothing_off_is_no_doubt():
     assert "long_waves_filtered" not in {problem.code for problem in one.problems}
 
 
+def test_forms_by_which_scans_differ_may_move_what_bows_of_their_mean_change():
+    """Of the map as it is said to be, as the instrument were; what that makes of a flat wins."""
+    mean, given = of_waves(4), "instrument.flatness_deviation_m=4e-8"
+    one = found(replace(mean, form_error_m=4e-8), *PRESSED)
+    flat = found(mean, *PRESSED, given)
+    (said,) = [each for each in one.problems if each.code == "forms_of_scans_differ"]
+    (bowed,) = [each for each in flat.problems if each.code == "bow_left"]
+    assert said.effect == bowed.effect
+    assert said.severity == bowed.severity == "warning"
+    assert "a bow of 4e-08 m (standard error) may be left in it" in said.message
+    for words in ([given], ["conditioning.form=quadratic"]):
+        codes = {each.code for each in found(one.surface, *PRESSED, *words).problems}
+        assert "forms_of_scans_differ" not in codes
+    little = found(replace(mean, form_error_m=1e-12), *PRESSED)
+    assert "forms_of_scans_differ" not in {each.code for each in little.problems}
+
+
 S_FILTER = "conditioning.s_filter_nesting_index_m"
 
 

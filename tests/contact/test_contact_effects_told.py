@@ -205,6 +205,7 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
         ("form_taken_off", "warning", face(), True),
         ("form_taken_off", "info", face(), True),
         ("bow_left", "info", face(), True),
+        ("forms_of_scans_differ", "warning", face(), True),
         ("clipped", "warning", face(), True),
         ("load_on_doubtful_caps", "warning", face(), True),
         ("spikes", "warning", face(), False),

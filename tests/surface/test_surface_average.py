@@ -210,6 +210,22 @@ def test_a_search_that_ends_some_pixels_away_goes_on(monkeypatch):
     assert np.array_equal(found.surface.height_m, direct.surface.height_m)
 
 
+def test_the_mean_has_the_standard_error_of_the_forms_of_its_scans():
+    """Of a bow that one of n scans has the mean has 1 / n, which is what is said."""
+    y, x = (np.linspace(-1.0, 1.0, n) for n in SHAPE)
+    for shape in (x[None, :] ** 2, y[:, None] ** 2, y[:, None] ** 2 - x**2):
+        for n in (2, 3, 5):
+            scans = scans_of(waves(), n)
+            bow_m = 3e-7 * np.broadcast_to(shape, SHAPE)
+            for one in (scans[0], scans[-1]):  # whichever it is
+                bent = [
+                    replace(scan, height_m=scan.height_m + bow_m * (scan is one)) for scan in scans
+                ]
+                error_m = average(bent).surface.form_error_m
+                assert error_m == pytest.approx(np.ptp(bow_m) / n, rel=0.02)
+    assert average(scans_of(waves())).surface.form_error_m < 0.1 * NOISE_M
+
+
 def test_planes_and_bows_between_scans_are_no_noise():
     face_m, bow_m = waves(), 5e-8
     plane, bow = 1e-6 * X - 3e-7 * Y, bow_m * (X * Y - X * X)

@@ -361,6 +361,19 @@ def test_the_sum_of_faces_less_their_forms_knows_that_of_faces_with_them():
         assert np.nanmax(np.abs(one.surface.height_m - expected)) > 10 * apart_m
 
 
+@pytest.mark.parametrize("way", ["composite", "together"])
+def test_the_sum_of_two_means_has_the_forms_of_the_scans_of_both(way):
+    scans = [condition(HeightMap(waves((60, 90), seed), PIXEL_M)) for seed in (1, 2)]
+    placement = place(*(one.surface for one in scans), offset_m=(0.0, 0.0))
+    for errors_m, expected_m in (((3e-8, 4e-8), 5e-8), ((None, 4e-8), 4e-8), ((None, None), None)):
+        faces = [
+            replace(one, surface=replace(one.surface, form_error_m=error_m))
+            for one, error_m in zip(scans, errors_m, strict=True)
+        ]
+        found_m = mate(*faces, placement, way=way).surface.form_error_m
+        assert found_m == (None if expected_m is None else pytest.approx(expected_m))
+
+
 @pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
 def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_short_waves(filtered):
     scans = [HeightMap(waves((60, 90), seed), PIXEL_M) for seed in (1, 2)]

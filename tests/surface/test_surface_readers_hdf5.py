@@ -179,20 +179,22 @@ def test_all_but_the_heights_is_searched(tmp_path, options):
 
 def test_the_noise_that_a_map_says_is_read_in_metres_whatever_its_units(tmp_path):
     path = tmp_path / "face.h5"
-    surface = HeightMap(1e-6 * MAP, (1e-6, 1e-6), noise_m=2.5e-9)
+    surface = HeightMap(1e-6 * MAP, (1e-6, 1e-6), noise_m=2.5e-9, form_error_m=4e-8)
     hdf5.write_hdf5(surface, path, unit="nm")
     found = load_surface(path)
-    assert found.noise_m == 2.5e-9
+    assert (found.noise_m, found.form_error_m) == (2.5e-9, 4e-8)
     assert found.origin.notes == ()
     hdf5.write_hdf5(HeightMap(1e-6 * MAP, (1e-6, 1e-6)), path)
-    assert load_surface(path).noise_m is None
+    found = load_surface(path)
+    assert (found.noise_m, found.form_error_m) == (None, None)
 
 
+@pytest.mark.parametrize(("name", "said"), [("noise_m", "noise"), ("form_error_m", "form")])
 @pytest.mark.parametrize("value", [0.0, -1e-9, np.nan, np.inf, "2 nm", [1e-9, 2e-9]])
-def test_a_noise_that_is_none_is_named(tmp_path, value):
+def test_a_noise_that_is_none_is_named(tmp_path, value, name, said):
     path = tmp_path / "face.h5"
     hdf5.write_hdf5(HeightMap(1e-6 * MAP, (1e-6, 1e-6)), path)
     with h5py.File(path, "a") as file:
-        file["height"].attrs["noise_m"] = value
-    with pytest.raises((UncalibratedError, UnreadableFileError), match="noise"):
+        file["height"].attrs[name] = value
+    with pytest.raises((UncalibratedError, UnreadableFileError), match=said):
         load_surface(path)

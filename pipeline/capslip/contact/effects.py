@@ -23,7 +23,14 @@ from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.filling import filled_from_fewer, standard_error
-from capslip.surface.flatness import bow_of_form_m, bows_m, degree_taken_off, known_flatness_m
+from capslip.surface.flatness import (
+    BOWS,
+    FORMS_OF_SCANS,
+    bow_of_form_m,
+    bows_m,
+    degree_taken_off,
+    given_bow_m,
+)
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.holes import HIDDEN
@@ -49,12 +56,8 @@ UNKNOWN = {
     FORMED: "the caps or the map without it do not tell",
     BLURRED: "caps with one more blur have no answer",
 }
-NOT_OF_THE_FACE = (
-    FILTERED,
-    SMOOTHED,
-    FORMED,
-    BLURRED,
-)  # what was chosen or is of the optics, and no sign
+# What was chosen or is of the optics, and no sign
+NOT_OF_THE_FACE = FILTERED, SMOOTHED, FORMED, BLURRED
 LEAST_MOVED = 1e-3  # less is not noted of what is no sign of the face itself
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
@@ -183,7 +186,7 @@ def with_effects(
 
 def _is_nothing(code: str, moved: _Moved | None, face: FaceOfCaps) -> bool:
     """Tell whether what was only given, a filter, a bow or a blur of the optics, moves nothing."""
-    given = code == "bow_left" and known_flatness_m(face.surface, face.settings) is not None
+    given = code in BOWS and given_bow_m(code, face.surface, face.settings) is not None
     if moved is None or not (given or code in NOT_OF_THE_FACE):
         return False
     return max(moved.effect.greatest, moved.approach, moved.hidden) < LEAST_MOVED
@@ -217,7 +220,7 @@ def _found_on_map(
     if code != "bow_left":
         return found, which
     bow_m = f"{_bent_m(maps):.3g} m"
-    if known_flatness_m(face.surface, face.settings) is not None:
+    if given_bow_m("bow_left", face.surface, face.settings) is not None:
         return found, f"{which}, bent by {bow_m}"
     return found, f"{which}, without the bow of {bow_m} that a form takes off its heights"
 
@@ -239,15 +242,24 @@ def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     Where the flatness deviation of the instrument is known, what bows of that height make of it.
     """
     coarse = thinned(face.surface)
-    flatness_m = known_flatness_m(face.surface, face.settings)
+    flatness_m = given_bow_m("bow_left", face.surface, face.settings)
     if flatness_m is not None:
-        row, col = np.indices(coarse.shape)
-        dy_m, dx_m = coarse.pixel_size_m
-        bows = bows_m(coarse, flatness_m, (col + 0.5) * dx_m, (row + 0.5) * dy_m)
-    else:
-        taken_off = degree_taken_off(face.settings.conditioning)
-        bows = (-bow_of_form_m(coarse, taken_off),)
-    return coarse, *(replace(coarse, height_m=coarse.height_m + bow_m) for bow_m in bows)
+        return _bent(coarse, flatness_m)
+    bow_m = bow_of_form_m(coarse, degree_taken_off(face.settings.conditioning))
+    return coarse, replace(coarse, height_m=coarse.height_m - bow_m)
+
+
+def _mean_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
+    """Return a thinned map, and it with bows as high as scans leave in their mean."""
+    surface, coarse = face.surface, thinned(face.surface)
+    error_m = given_bow_m(FORMS_OF_SCANS, surface, face.settings)
+    return (coarse,) if error_m is None else _bent(coarse, error_m)
+
+
+def _bent(coarse: HeightMap, bow_m: float) -> tuple[HeightMap, ...]:
+    (row, col), (dy_m, dx_m) = np.indices(coarse.shape), coarse.pixel_size_m
+    bows = bows_m(coarse, bow_m, (col + 0.5) * dx_m, (row + 0.5) * dy_m)
+    return coarse, *(replace(coarse, height_m=coarse.height_m + one_m) for one_m in bows)
 
 
 def _tilt_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
@@ -268,14 +280,16 @@ def _seams_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
 
 def _filtered_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     """Return a thinned map, and the same with the long waves that a filter took off."""
-    maps = face.surface, *([] if face.unfiltered is None else [face.unfiltered])
-    return tuple(thinned(one) for one in maps)
+    return tuple(map(thinned, _both(face.surface, face.unfiltered)))
 
 
 def _formed_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     """Return a thinned map, and the same with the form that was taken off."""
-    maps = face.surface, *([] if face.with_form is None else [face.with_form])
-    return tuple(thinned(one) for one in maps)
+    return tuple(map(thinned, _both(face.surface, face.with_form)))
+
+
+def _both(surface: HeightMap, other: HeightMap | None) -> tuple[HeightMap, ...]:
+    return (surface,) if other is None else (surface, other)
 
 
 def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
@@ -287,25 +301,10 @@ def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
 
 
-def _filled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
-    """Return a map, and the same filled from fewer points; it alone where it tells of none."""
-    return face.surface, *filled_from_fewer(face.surface)
-
-
 def _rippled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     """Return a map, and the same without its ripple."""
     ripple = find_ripple(face.surface)
     return face.surface, *([] if ripple is None else [without_ripple(face.surface, ripple)])
-
-
-def _coarser_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
-    """Return a map, and the same as it was before it was resampled to fewer points."""
-    return face.surface, *([] if face.finer is None else [face.finer])
-
-
-def _smoothed_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
-    """Return a map, and the same with the short waves that a filter took off."""
-    return face.surface, *([] if face.with_short_waves is None else [face.with_short_waves])
 
 
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
@@ -319,15 +318,16 @@ def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
 OF_FEWER_POINTS = {
     "tilt_left": _tilt_or_not,
     "bow_left": _bow_or_not,
+    FORMS_OF_SCANS: _mean_or_not,
     "seams": _seams_or_not,
     FILTERED: _filtered_or_not,
     FORMED: _formed_or_not,
 }
 OF_THE_MAP = {
     "interpolated": _interpolated_or_not,
-    "points_filled": _filled_or_not,
-    COARSER: _coarser_or_not,
-    SMOOTHED: _smoothed_or_not,
+    "points_filled": lambda face: (face.surface, *filled_from_fewer(face.surface)),
+    COARSER: lambda face: _both(face.surface, face.finer),
+    SMOOTHED: lambda face: _both(face.surface, face.with_short_waves),
     "ripple": _rippled_or_not,
 }
 HOW = {
@@ -486,10 +486,10 @@ def _effect(trials: Trials, code: str, least_share: float) -> _Moved | None:
     change, approach, face = np.zeros(len(FORCE_SHARES) + 1), 0.0, trials.face
     pressed = trials.face_of(code)
     try:
-        before_m = face.approach_m(trials.caps) if code == "bow_left" else math.nan
+        before_m = face.approach_m(trials.caps) if code in BOWS else math.nan
         for caps in trials.of(code):
             change = np.maximum(change, np.abs(pressed.answers(caps) / trials.before - 1.0))
-            if code == "bow_left":
+            if code in BOWS:
                 approach = max(approach, abs(face.approach_m(caps) / before_m - 1.0))
     except CapslipError:
         return None

@@ -26,7 +26,7 @@ from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.filters import blurred, long_waves_at
-from capslip.surface.flatness import bows_m, degree_taken_off, known_flatness_m
+from capslip.surface.flatness import BOWS, bows_m, degree_taken_off, given_bow_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
@@ -162,8 +162,8 @@ class Trials:
 
     def of(self, code: str) -> Iterator[CapTable]:
         """Return what to press instead, for the problems of one code."""
-        if code == "bow_left":
-            yield from self._bowed()
+        if code in BOWS:
+            yield from self._bowed(code)
         elif code == "tilt_left":
             yield self._levelled()
         elif code == "seams":
@@ -188,13 +188,13 @@ class Trials:
         else:
             yield self._without(LEFT_OUT[code])
 
-    def _bowed(self) -> Iterator[CapTable]:
-        """Return caps without a bow, or with those that the instrument may have made.
+    def _bowed(self, code: str) -> Iterator[CapTable]:
+        """Return caps without a bow, or with those that the instrument, or a mean, may have.
 
         Not where a hill below the cut would touch as well without the bow.
         """
         caps, surface = self.caps, self.face.surface
-        flatness_m = known_flatness_m(surface, self.face.settings)
+        flatness_m = given_bow_m(code, surface, self.face.settings)
         if flatness_m is not None:
             for bow_m in bows_m(surface, flatness_m, caps.x_m, caps.y_m):
                 yield caps.with_columns(peak_height_m=caps.peak_height_m + bow_m)

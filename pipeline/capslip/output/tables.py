@@ -70,10 +70,9 @@ def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
         write_attribute(height, "pixel_size_m", surface.pixel_size_m)
         write_attribute(height, "pixel_size", surface.pixel_size_m)
         write_attribute(height, "pixel_unit", "m")
-        if surface.noise_m is not None:
-            write_attribute(height, "noise_m", surface.noise_m)
-        if surface.noise_scans is not None:
-            write_attribute(height, "noise_scans", surface.noise_scans)
+        for name in ("noise_m", "noise_scans", "form_error_m"):
+            if (known := getattr(surface, name)) is not None:
+                write_attribute(height, name, known)
         second_m = analysis.conditioned.second_m
         if second_m is not None:
             second_m = second_m.astype(np.float32)

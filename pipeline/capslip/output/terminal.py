@@ -186,8 +186,8 @@ def average_lines(found: Average, names: list[str], path: Path) -> str:
     if found.spikes:
         lines.append(("left out", f"{found.spikes} heights that only one scan has"))
     if found.bow_m > found.noise_m:
-        lines.append(
-            ("bow", f"forms differ by {engineering(found.bow_m, 'm')} (rms) from scan to scan")
-        )
+        bow = f"forms differ by {engineering(found.bow_m, 'm')} (rms) from scan to scan"
+        left = f"{engineering(surface.form_error_m, 'm')} high (standard error)"
+        lines.append(("bow", f"{bow}; of mean a bow {left}"))
     lines.append(("written", str(path)))
     return "\n".join(f"{label:10} {text}" for label, text in lines)

@@ -12,6 +12,7 @@ from capslip.problems import Problem
 from capslip.surface.blocks import means_of_blocks
 from capslip.surface.doubts import HIGHEST_SHARE, refuse_absurd
 from capslip.surface.filling import from_nearest
+from capslip.surface.flatness import mean_form_m
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, check_maps
 from capslip.surface.noise import MEDIAN_OF_NORMAL, white_noise_of_scans_m
@@ -43,7 +44,7 @@ class Average:
     Attributes
     ----------
     surface : HeightMap
-        On the pixels of the first scan that all have, with the `noise_m` that is left in it.
+        On the pixels of the first scan that all have; the `noise_m` and `form_error_m` left in it.
     noise_m : float
         Measurement noise N_M of one scan (ISO 25178-600): rms of what a height changes by from
         scan to scan, over the highest tenth of the points.
@@ -145,9 +146,10 @@ def average(scans: Sequence[HeightMap]) -> Average:
         _check_place(scans[0], scan, face_m2, one)
     _refuse_copies(scans, noise_m, face_m2)
     spikes = _leave_out_spikes(level_m, noise_m)
-    form_m = sum(one.form_m for one in apart) / len(scans)  # no step where some scans end
+    form_m, error_m = mean_form_m([one.form_m for one in apart])
     origin = replace(scans[0].origin, mean_of=tuple(x for one in scans for x in lines_of(one)))
-    mean = replace(scans[0], height_m=_mean_m(level_m) + form_m, origin=origin)
+    mean_m = _mean_m(level_m) + form_m  # which has no step where some scans end
+    mean = replace(scans[0], height_m=mean_m, form_error_m=error_m, origin=origin)
     height_m = remove_form(mean, "plane")[0].height_m
     high = height_m >= np.nanquantile(height_m, 1.0 - HIGHEST_SHARE)
     known, kept = np.isfinite(height_m), np.mean([(1.0, 1.0), *(one.kept for one in apart)], axis=0)

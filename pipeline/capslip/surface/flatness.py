@@ -1,5 +1,7 @@
 """Bows of a map or of its floor, and those that an instrument may make of a flat."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -8,7 +10,7 @@ import numpy as np
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem
 from capslip.surface.blocks import block_means, few_lines
-from capslip.surface.doubts import VISIBLE_FORM
+from capslip.surface.doubts import VISIBLE_FORM, VISIBLE_RIPPLE
 from capslip.surface.form import FLOOR_SHARE, ROUNDING, level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import MEDIAN_OF_NORMAL
@@ -16,6 +18,8 @@ from capslip.surface.noise import MEDIAN_OF_NORMAL
 if TYPE_CHECKING:
     from capslip.settings import Conditioning, Settings
 
+FORMS_OF_SCANS = "forms_of_scans_differ"
+BOWS = "bow_left", FORMS_OF_SCANS
 MOSTLY_FORM = 0.8  # of the variance of the heights
 PIT = 6.0  # robust standard deviations of what a bow leaves, below which a point carries nothing
 FEW_PITS = 0.02  # of the points: more of them are the texture of a face
@@ -41,6 +45,45 @@ def known_flatness_m(surface: HeightMap, settings: "Settings") -> float | None:
     return given_m * surface.faces
 
 
+def error_of_form_m(surface: HeightMap, settings: "Settings") -> float | None:
+    """Return the height of the bow that scans leave in their mean, None where it is none of it.
+
+    The flatness deviation of the instrument, where that is given, holds it; and so does a form of a
+    second degree that was taken off.
+    """
+    given = settings.instrument.flatness_deviation_m is not None
+    return None if given or degree_taken_off(settings.conditioning) > 1 else surface.form_error_m
+
+
+def mean_form_m(others_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float | None]:
+    """Return the mean of the forms of scans, and the height of the bow that they leave in it.
+
+    Parameters
+    ----------
+    others_m : sequence of float64, shape (ny, nx)
+        What the form of each other scan has over that of the first.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        Over the form of the first, too.
+    float or None
+        Standard error: of n scans ``sqrt(sum h_i^2 / (n (n - 1)))``, h_i the height of what a form
+        has over their mean. Of two it is half of the height of what they differ by: as much is
+        left of a bow that one of them has. What all scans share shows in none. None of equal forms.
+
+    Examples
+    --------
+    >>> bow_m = 1e-7 * np.linspace(-1.0, 1.0, 5)[None, :] ** 2
+    >>> [f"{mean_form_m([0.0 * bow_m] * n + [bow_m])[1]:.2g}" for n in (0, 1, 2)]
+    ['5e-08', '3.3e-08', '2.5e-08']
+    """
+    n = 1 + len(others_m)
+    mean_m = np.asarray(sum(others_m) / n)
+    heights_m = [np.ptp(one_m - mean_m) for one_m in (0.0, *others_m)]
+    return mean_m, float(np.linalg.norm(heights_m)) / math.sqrt(n * (n - 1)) or None
+
+
 def degree_taken_off(conditioning: "Conditioning") -> int:
     """Return the degree of the form that is taken off, 2 of spheres and cylinders: of low ones.
 
@@ -52,6 +95,12 @@ def degree_taken_off(conditioning: "Conditioning") -> int:
     """
     of_kind = {"none": 0, "plane": 1, "polynomial": conditioning.form_degree}
     return of_kind.get(conditioning.form) or 2 * (conditioning.form not in of_kind)
+
+
+def given_bow_m(code: str, surface: HeightMap, settings: "Settings") -> float | None:
+    """Return the height of the bows that a doubt is about, None where that follows from the map."""
+    height_of = known_flatness_m if code == "bow_left" else error_of_form_m
+    return height_of(surface, settings)
 
 
 def bows_m(
@@ -161,6 +210,20 @@ def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
         f"flat by less than {flatness_m:.2g} m"
     )
     return [Problem("bow_left", "warning", message, step=step)]
+
+
+def problems_of_scans(error_m: float | None, approach_m: float) -> list[Problem]:
+    """Return whether the forms of scans differ so much that what their mean has of it may decide.
+
+    Lower than a ripple that is seen it does not.
+    """
+    if error_m is None or error_m <= VISIBLE_RIPPLE * approach_m:
+        return []
+    message = (
+        f"the forms of the scans of which the map is the mean differ: a bow of {error_m:.3g} m "
+        f"(standard error) may be left in it; the approach is {approach_m:.3g} m"
+    )
+    return [Problem(FORMS_OF_SCANS, "warning", message)]
 
 
 def bow_of_form_m(surface: HeightMap, taken_off: int = 1) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError, check_kind, in_short, truth_of
 from capslip.surface.between import Between
-from capslip.surface.heights import SMALL, ends_m, lost_of, slopes_of, stored_of
+from capslip.surface.heights import SMALL, check_error, ends_m, lost_of, slopes_of, stored_of
 from capslip.surface.outline import outside_of, window_of
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
@@ -135,6 +135,8 @@ class HeightMap:
         The steps in which heights were stored, where that was smoothed.
     noise_m : float, optional
         Measurement noise, rms of a height as stored, where the file says it: see `average`.
+    form_error_m : float, optional
+        Height of the bow that scans leave in their mean, a standard error: see `average`.
     faces : int
         How many faces it is the sum of: two are mated.
     noise_scans : float, optional
@@ -177,6 +179,7 @@ class HeightMap:
     filling: Filling | None = None
     rounding: Rounding | None = None
     noise_m: float | None = None
+    form_error_m: float | None = None
     faces: int = 1
     floor_slope: tuple[float, float] | None = None
     void: bool = False
@@ -207,11 +210,8 @@ class HeightMap:
             raise SettingsError(
                 f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
             )
-        if self.noise_m is not None:
-            check_kind(f"{name}: noise_m", self.noise_m, Real, "a positive number in metres")
-            if not 0.0 < self.noise_m < np.inf:
-                got = f"{name}: noise of {self.noise_m:g} m"
-                raise SettingsError(f"{got}; expected a positive number")
+        check_error(name, "noise", self.noise_m)
+        check_error(name, "form_error", self.form_error_m)
         if self.floor_slope is not None:
             self.__dict__["floor_slope"] = slopes_of(self.floor_slope, name)
         self._hold(stored_m, lost_of(stored_m, name), None)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from capslip.errors import SettingsError, UnusableSurfaceError, in_short
+from capslip.errors import SettingsError, UnusableSurfaceError, check_kind, in_short
 from capslip.surface.rows import row_blocks
 
 MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
@@ -73,3 +73,14 @@ def slopes_of(given: Any, name: str) -> tuple[float, float]:
         got = f"{name}: floor_slope: got {in_short(repr(given))}"
         raise SettingsError(f"{got}; expected two finite numbers, along y and x")
     return float(numbers[0]), float(numbers[1])
+
+
+def check_error(name: str, what: str, error_m: object) -> None:
+    """Refuse an error of heights that is neither a positive number of metres nor None."""
+    if error_m is None:
+        return
+    check_kind(f"{name}: {what}_m", error_m, Real, "a positive number in metres")
+    assert isinstance(error_m, Real)
+    if not 0.0 < float(error_m) < math.inf:
+        got = f"{name}: {what.replace('_', ' of ')} of {float(error_m):g} m"
+        raise SettingsError(f"{got}; expected a positive number")

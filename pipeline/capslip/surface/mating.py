@@ -207,6 +207,7 @@ def _sum(
         rounding=joined_rounding(first.rounding, second.rounding),
         noise_m=noise_m,
         noise_scans=noise_scans,
+        form_error_m=math.hypot(first.form_error_m or 0.0, second.form_error_m or 0.0) or None,
         faces=first.faces + second.faces,
         between=(*first.between, *second.between, *((between,) if between else ())),
     )
@@ -308,6 +309,7 @@ def mate(
             filling=surface.filling,
             rounding=surface.rounding,
             floor_slope=floor_slopes(surface),
+            form_error_m=surface.form_error_m,
         )
         told = (*first.problems, *doubts)
         return replace(
@@ -326,9 +328,8 @@ def mate(
         for face in (first, second)
         for problem in face.problems
     ]
-    sq_m, sz_m = sq_and_sz_m(surface)
     second_m = surface.height_m - on_same.height_m
-    found = surface, sq_m, sz_m, steps, (*problems, *doubts)
+    found = surface, *sq_and_sz_m(surface), steps, (*problems, *doubts)
     others: dict[str, Any] = {}
     for name, where, whole in (
         ("finer", "finer", "finest"),

@@ -45,6 +45,7 @@ UNIT_WORDS = (b"unit\0", b"pixel_unit\0")  # names of attributes; each ends as t
 HEAP = b"GCOL\x01\0\0\0"  # where HDF5 keeps strings of free length
 VARIABLE_LENGTH = 9  # class of a data type
 MAX_WORD_BYTES = 1024
+ERRORS = "noise_m", "form_error_m"  # attributes, where they are known
 MEAN_OF, MAX_SCANS, MAX_LINE_BYTES = b"mean_of\0", 4096, 1 << 14
 VENDOR_EXTENSIONS = (".datx", ".nc")  # HDF5 inside, with a structure of their own
 
@@ -97,8 +98,9 @@ def write_hdf5(
             dataset.attrs["unit"] = unit
             dataset.attrs["pixel_size"] = surface.pixel_size_m
             dataset.attrs["pixel_unit"] = "m"
-            if surface.noise_m is not None:
-                dataset.attrs["noise_m"] = surface.noise_m
+            for name in ERRORS:
+                if (error_m := getattr(surface, name)) is not None:
+                    dataset.attrs[name] = error_m
             if mean_of:
                 dataset.attrs["mean_of"] = list(map(printable, mean_of))
             if truth is not None:
@@ -260,13 +262,16 @@ def _stored(chosen: Any, path: Path, request: Request) -> Stored:
     word = "units" if "unit" not in chosen.attrs else "unit"
     unit = _text(_attribute(chosen, word, what), f"{what}: attribute {word}")
     lateral_unit = _text(_attribute(chosen, "pixel_unit", what), f"{what}: attribute pixel_unit")
-    noise_m = _number(_attribute(chosen, "noise_m", what), f"{what}: attribute noise_m")
+    noise_m, form_error_m = (
+        _number(_attribute(chosen, name, what), f"{what}: attribute {name}") for name in ERRORS
+    )
     stored = (
         stored_array(height, what, request)
         if pixel_size is None
         else Stored(height, pixel_size=_pair(pixel_size, what))
     )
-    stored = replace(stored, unit=unit, lateral_unit=lateral_unit, dataset=name, noise_m=noise_m)
+    stored = replace(stored, unit=unit, lateral_unit=lateral_unit, dataset=name)
+    stored = replace(stored, noise_m=noise_m, form_error_m=form_error_m)
     return replace(stored, notes=stored.notes + notes)
 
 

@@ -52,6 +52,8 @@ class Stored:
         The one of several maps of the file that this is.
     noise_m : float or None
         Measurement noise, rms of a height in metres, whatever the unit of the heights.
+    form_error_m : float or None
+        Height of the bow that scans leave in their mean, in metres.
     mean_of : tuple of str
         Name and digest of each scan that an average is made of.
     column : str or None
@@ -66,6 +68,7 @@ class Stored:
     top_row_first: bool | None = None
     dataset: str | None = None
     noise_m: float | None = None
+    form_error_m: float | None = None
     mean_of: tuple[str, ...] = ()
     column: str | None = None
 
@@ -271,16 +274,18 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         notes=tuple(type(note)(printable(note)) for note in stored.notes),
         mean_of=tuple(map(printable, stored.mean_of)),
     )
-    return HeightMap(height_m, pixel_size_m, origin, noise_m=_noise_m(stored, where))
+    noise_m = _error_m(stored.noise_m, "a noise", where)
+    form_error_m = _error_m(stored.form_error_m, "an error of the form", where)
+    return HeightMap(height_m, pixel_size_m, origin, noise_m=noise_m, form_error_m=form_error_m)
 
 
-def _noise_m(stored: Stored, where: str) -> float | None:
-    if stored.noise_m is not None and not 0.0 < stored.noise_m < math.inf:
+def _error_m(error_m: float | None, what: str, where: str) -> float | None:
+    if error_m is not None and not 0.0 < error_m < math.inf:
         raise UnreadableFileError(
-            f"{where}: the file says a noise of {stored.noise_m:g} m; expected a positive number; "
+            f"{where}: the file says {what} of {error_m:g} m; expected a positive number; "
             "correct the file"
         )
-    return stored.noise_m
+    return error_m
 
 
 def _check_complete(stored: Stored, given: Calibration, where: str) -> None:
