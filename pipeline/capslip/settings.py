@@ -63,7 +63,7 @@ class Instrument(_Table, frozen=True):
     """What is known of the instrument, in the words of ISO 25178-600."""
 
     flatness_deviation_m: Positive | None = None  # z_FLT, of the map of a flat
-    noise_m: Positive | None = None  # N_M, rms of a height of one scan
+    noise_m: Positive | None = None  # N_M, rms of a height of one scan, before filters
     lateral_period_limit_m: Positive | None = None  # D_LIM, of the wave that it halves
 
 

@@ -175,7 +175,7 @@ def damp(
 def _conditioned(surface: HeightMap, settings: Settings, clock: Clock) -> Conditioned:
     options = {name: getattr(settings.conditioning, name) for name in CONDITIONING}
     with clock("condition"):
-        return condition(surface, **options)
+        return condition(surface, noise_m=settings.instrument.noise_m, **options)
 
 
 def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Placement:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from contact_cases import table
 
-from capslip.analysis import analyze_once
+from capslip.analysis import analyze, analyze_once
 from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import UNUSABLE, CapFlag
 from capslip.contact.effects import with_effects
@@ -801,6 +801,23 @@ def test_noise_that_a_filter_takes_off_is_no_wave_of_the_face(known):
     assert moved_energy(other, found(noisy, *PRESSED)) > 0.2
     assert said.severity == "info"
     assert said.effect.energy == pytest.approx(moved, abs=0.02)
+
+
+def test_noise_that_a_filter_took_off_is_in_no_error():
+    """What is left of it is: it counted whole, and warned, and that of a file not at all."""
+    surface, words = of_waves(5, noise_m=2e-9), (*PRESSED, f"{S_FILTER}=1e-3")
+    errors = {}
+    for name, noise_m, said in (
+        ("file", 2e-9, ()),
+        ("settings", None, ("instrument.noise_m=2e-9",)),
+        ("neither", None, ()),
+    ):
+        settings = load_settings(overrides=(*words, *said))
+        one = analyze(replace(surface, noise_m=noise_m), settings)
+        assert ("detail_decides", "warning") not in {(p.code, p.severity) for p in one.problems}
+        errors[name] = one.contact.errors.energy_at(0.25)
+    assert errors["file"] == errors["settings"]
+    assert errors["neither"] < 0.8 * errors["file"] < 0.04
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.fft import dctn
+from scipy.ndimage import gaussian_filter
 
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.settings import Settings, load_settings
-from capslip.stages import Clock, find_face
+from capslip.stages import Clock, _conditioned, find_face
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.between import Between
 from capslip.surface.blocks import means_of_blocks
@@ -175,3 +176,62 @@ def test_the_noise_of_a_laid_face_has_the_spectrum_that_is_said(apart):
     power = dctn(both_m, norm="ortho") ** 2
     power, said = (means_of_blocks(one / one.mean(), 60, 1) for one in (power, said))
     np.testing.assert_allclose(power, said, rtol=0.12, atol=0.03)
+
+
+INDEX_M = "conditioning.s_filter_nesting_index_m"
+
+
+def white(seed, shape=(180, 240), noise_m=4e-9):
+    """Return noise of an even map."""
+    noise = np.random.default_rng(seed).standard_normal(shape)
+    return HeightMap(noise_m * noise, (1e-4, 1.5e-4))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (f"{INDEX_M}=6e-4",),
+        (f"{INDEX_M}=1.5e-3",),
+        ("conditioning.resample_to=[90,120]",),
+        ("conditioning.resample_to=[70,240]",),
+        ("conditioning.resample_to=[180,333]",),
+        (f"{INDEX_M}=6e-4", "conditioning.resample_to=[90,120]"),
+        (f"{INDEX_M}=6e-4", "conditioning.l_filter_nesting_index_m=9e-3"),
+    ],
+)
+def test_what_filters_leave_of_white_noise_is_known(words):
+    """As the settings say it, or its file: it counted whole, or not at all."""
+    for seed in (0, 1):
+        surface = white(seed)
+        for noise_m, said in ((None, ("instrument.noise_m=4e-9",)), (4e-9, ())):
+            settings = load_settings(overrides=(*words, *said))
+            found = _conditioned(replace(surface, noise_m=noise_m), settings, Clock())
+            for one in (found.surface, found.finer, found.with_short_waves):
+                if one is not None:
+                    left_m = np.std(one.height_m[5:-5, 5:-5])
+                    assert known_noise_m(one, settings) == pytest.approx(left_m, rel=0.06)
+            assert elastic_face(found.surface, 1e11).faces == pytest.approx(
+                (known_noise_m(found.surface, settings) / 4e-9) ** 2, rel=1e-9
+            )
+
+
+@pytest.mark.parametrize("pixels", [1.5, 3.0])
+def test_noise_that_neighbours_share_is_not_taken_for_less_than_a_filter_leaves(pixels):
+    shared = gaussian_filter(white(2).height_m, pixels, mode="wrap")
+    surface = HeightMap(4e-9 * shared / shared.std(), (1e-4, 1e-4))
+    settings = load_settings(overrides=(f"{INDEX_M}=5e-4", "instrument.noise_m=4e-9"))
+    found = _conditioned(surface, settings, Clock()).surface
+    left_m = np.std(found.height_m)
+    assert left_m > 0.6 * 4e-9
+    assert 0.95 * left_m < known_noise_m(found, settings) < 1.01 * 4e-9
+
+
+def test_the_sum_of_filtered_faces_has_the_noise_that_is_left_of_both():
+    """Half a pixel aside, where a spline takes a third of what neighbours do not share."""
+    settings = load_settings(
+        overrides=(f"{INDEX_M}=9e-4", "instrument.noise_m=4e-9", "mating.offset_m=[5e-5,7.5e-5]")
+    )
+    first, second = (_conditioned(white(seed), settings, Clock()).surface for seed in (3, 4))
+    both = composite_surface(first, second, place(first, second, offset_m=(5e-5, 7.5e-5)))
+    left_m = np.nanstd(both.height_m[5:-5, 5:-5])
+    assert known_noise_m(both, settings) == pytest.approx(left_m, rel=0.06)

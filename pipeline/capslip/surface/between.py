@@ -31,7 +31,7 @@ class Between:
         Parameters
         ----------
         noise_m : float, optional
-            White noise of the face, which is known by itself; its part of both counts for nothing.
+            White noise of a scan, which is known by itself; its part of both counts for nothing.
 
         Examples
         --------
@@ -41,7 +41,8 @@ class Between:
         ['1.5e-10', '2.0e-08']
         """
         pairs = zip((self.bends_m, self.finer_m), self.of_noise, strict=True)
-        own_m2 = [one_m**2 - ((noise_m or 0.0) * of) ** 2 for one_m, of in pairs]
+        noise_m2 = self.scans * (noise_m or 0.0) ** 2
+        own_m2 = [one_m**2 - noise_m2 * of**2 for one_m, of in pairs]
         bends_m, finer_m = (math.sqrt(max(one, 0.0)) for one in own_m2)
         if finer_m == 0.0:
             return 0.0

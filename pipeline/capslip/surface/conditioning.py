@@ -14,6 +14,7 @@ from capslip.surface.filling import fill_scattered
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import Form, FormKind, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
+from capslip.surface.noise import ScanNoise
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import finer_than, problems_of_resampling, resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
@@ -165,6 +166,7 @@ def condition(
     s_filter_nesting_index_m: float | None = None,
     l_filter_nesting_index_m: float | None = None,
     resample_to: tuple[int, int] | None = None,
+    noise_m: float | None = None,
 ) -> Conditioned:
     """Trim, remove form and outliers, filter and resample, each on demand and in this order.
 
@@ -187,6 +189,9 @@ def condition(
         after the form, so that the edge of the map disturbs them least.
     resample_to : (int, int), optional
         (ny, nx) of the grid to resample to.
+    noise_m : float, optional
+        Measurement noise of the map as measured, where somebody says another than its file: how
+        much of it filters and resampling leave follows from it and from what the map shows.
 
     Raises
     ------
@@ -204,11 +209,7 @@ def condition(
     >>> result.sz_m < 1e-15, [step["step"] for step in result.steps]
     (True, ['form', 'outliers'])
     """
-    if outliers not in get_args(OutlierRule):
-        raise SettingsError(
-            f"conditioning.outliers: got {outliers!r}; expected one of "
-            f"{', '.join(get_args(OutlierRule))}"
-        )
+    _check_rule(outliers)
     refuse_absurd(surface)
     steps: list[dict[str, Any]] = []
     if edge_trim_m is not None:
@@ -244,6 +245,7 @@ def condition(
     if surface.filling is not None:
         steps.append({"step": "filling", **surface.filling.step})
 
+    noise = ScanNoise.of(surface, noise_m)
     if s_filter_nesting_index_m is not None:
         also["with_short_waves"] = _without_long(surface, l_filter_nesting_index_m, resample_to)
         surface = gaussian_s_filter(surface, s_filter_nesting_index_m)
@@ -258,12 +260,35 @@ def condition(
         problems += problems_of_resampling(measured, surface)
         also |= {"finer": finer_than(surface, measured), "measured_shape": measured.shape}
         steps.append({"step": "resampling", "shape": list(surface.shape)})
+    surface = _with_noise(surface, also, noise, s_filter_nesting_index_m)
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
     also |= {"removed": found} if removed_m.size else {}
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
     return Conditioned(*known, tops_of_scans=(surface.tops,), **also)
+
+
+def _check_rule(outliers: str) -> None:
+    if outliers not in get_args(OutlierRule):
+        raise SettingsError(
+            f"conditioning.outliers: got {outliers!r}; expected one of "
+            f"{', '.join(get_args(OutlierRule))}"
+        )
+
+
+def _with_noise(
+    surface: HeightMap, also: dict[str, Any], noise: ScanNoise, filtered_m: float | None
+) -> HeightMap:
+    """Return a map with what filters left of its noise; the others that are kept get theirs."""
+    if filtered_m is None and surface.shape == noise.shape:
+        return surface
+    for name, index_m in (("finer", filtered_m), ("unfiltered", filtered_m)):
+        if also.get(name) is not None:
+            also[name] = noise.left_in(also[name], index_m)
+    if filtered_m is not None:
+        also["with_short_waves"] = noise.left_in(also["with_short_waves"])
+    return noise.left_in(surface, filtered_m)
 
 
 def _without_long(

@@ -7,7 +7,7 @@ import numpy as np
 
 from capslip.surface.between import Between
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import SPLINE_DEGREE, noise_left, noise_of_map_m
+from capslip.surface.noise import SPLINE_DEGREE, noise_laid, noise_of_map_m
 from capslip.surface.rows import row_blocks
 
 LEAST_MEASURED = 0.5
@@ -179,7 +179,7 @@ def on_more_points(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     first = 0.5 * share - 0.5
     row, column = np.ogrid[: shape[0], : shape[1]]
     places = row * share[0] + first[0], column * share[1] + first[1]
-    left = noise_left(places, (0.0, 0.0))
+    left = noise_laid(surface, places, (0.0, 0.0))
     size_y_m, size_x_m = share * surface.pixel_size_m
     between = between_points(surface, np.diag(share), first, shape)
     return replace(

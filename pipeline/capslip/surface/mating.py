@@ -14,7 +14,7 @@ from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.laying import between_points, on_more_points, smooth_between, straight_between
-from capslip.surface.noise import FINER, noise_left
+from capslip.surface.noise import FINER, noise_laid
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import joined_rounding
 from capslip.surface.shifts import best_shifts, match_by_shift, tells_apart
@@ -245,7 +245,7 @@ def _noise(first: HeightMap, second: HeightMap, placement: Placement) -> tuple[f
     matrix, offset = _to_second(first, second, placement)
     row, column = np.ogrid[: first.shape[0], : first.shape[1]]
     places = (y * row + x * column + at for (y, x), at in zip(matrix, offset, strict=True))
-    left = noise_left(places, _finer(matrix))
+    left = noise_laid(second, places, _finer(matrix))
     scans = first.scans_of_noise + left**2 * second.scans_of_noise
     if first.noise_m is None or second.noise_m is None:
         return None, scans

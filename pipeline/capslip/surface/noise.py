@@ -8,6 +8,7 @@ several points, which only stencils of wider spacing see (`capslip.caps.noise`).
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ SPLINE_DEGREE = 5  # by which maps are laid on other points
 SPLINE_REACH = 48  # coefficients beyond are below 1e-16
 FINER = 1.1  # pixels smaller by less need no smoothing first, and no other points
 SHARES = 1025  # of a pixel, between which what is left is interpolated: off by less than 1e-6
+AS_SAID = 0.8  # of the noise that is known, that a map shows at least where it is white
 ENOUGH = 100  # differences between neighbours, of which a median says something
 
 
@@ -93,6 +95,67 @@ def white_noise_of_scans_m(noise_m: np.ndarray, here: np.ndarray) -> float | Non
     if np.count_nonzero(~np.isnan(difference_m)) < ENOUGH:
         return None
     return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(difference_m)
+
+
+@dataclass(frozen=True)
+class ScanNoise:
+    """The noise of a map before filters and resampling, of which these leave a part."""
+
+    shape: tuple[int, int]
+    pixel_size_m: tuple[float, float]
+    noise_m: float | None  # as the file says
+    scans: float
+    white: float  # share of its variance that changes from pixel to pixel
+
+    @classmethod
+    def of(cls, surface: HeightMap, given_m: float | None) -> "ScanNoise":
+        """Return that of a map, of which somebody may say another noise than its file.
+
+        What the map shows of white noise is the most that it has; the rest is shared by neighbours.
+        """
+        known_m, white = surface.noise_m if given_m is None else given_m, 1.0
+        if known_m is not None:
+            seen = noise_of_map_m(surface) / known_m
+            white = 1.0 if seen >= AS_SAID else seen**2
+        of = surface.shape, surface.pixel_size_m, surface.noise_m
+        return cls(*of, surface.scans_of_noise, white)
+
+    def left_in(self, made: HeightMap, nesting_index_m: float | None = None) -> HeightMap:
+        """Return what was made of the map with its noise: by an S-filter, on as many points.
+
+        A sum with weights w leaves sum w^2 of the variance of white noise. What neighbours share
+        counts as it was: nobody knows over how many points.
+        """
+        left = 1.0
+        for n_old, n, size_m in zip(self.shape, made.shape, self.pixel_size_m, strict=True):
+            pixels = (nesting_index_m or 0.0) / size_m, 2.0 * n_old / n if n < n_old else 0.0
+            left *= _left_along(n_old, n, SIGMA_PER_NESTING_INDEX * math.hypot(*pixels))
+        left = self.white * left + 1.0 - self.white
+        noise_m = None if self.noise_m is None else math.sqrt(left) * self.noise_m
+        return replace(made, noise_m=noise_m, noise_scans=left * self.scans)
+
+
+def _left_along(n_old: int, n: int, sigma: float) -> float:
+    """Return what a Gaussian, then straight lines to n of so many points, leave of a variance."""
+    reach = math.ceil(REACH_SIGMA * sigma) + 1
+    weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
+    weight /= weight.sum()
+    if n == n_old:
+        return float(weight @ weight)
+    place = np.clip((np.arange(n) + 0.5) * (n_old / n) - 0.5, 0.0, n_old - 1.0)
+    beyond = place - np.floor(place)
+    beside = 2.0 * beyond * (1.0 - beyond)
+    return float(np.mean((1.0 - beside) * (weight @ weight) + beside * (weight[1:] @ weight[:-1])))
+
+
+def noise_laid(
+    surface: HeightMap, place: Iterable[np.ndarray], nesting_index: Iterable[float]
+) -> float:
+    """Return `noise_left` of a map that is laid; all of it where a filter took off the white one.
+
+    What neighbours share a spline keeps.
+    """
+    return 1.0 if surface.scans_of_noise < surface.faces else noise_left(place, nesting_index)
 
 
 def noise_left(place: Iterable[np.ndarray], nesting_index: Iterable[float]) -> float:
@@ -221,7 +284,8 @@ def some_lines(window: slice, count: int) -> np.ndarray:
 def known_noise_m(surface: HeightMap, settings: "Settings") -> float | None:
     """Return the measurement noise of a map: as somebody says, else as its file does, or None.
 
-    What is said is that of one scan; a sum of two has that of both, less what interpolation takes.
+    What is said is that of one scan, before filters; a sum of two has that of both. What filters,
+    resampling and interpolation take off either is taken off.
     """
     given_m = settings.instrument.noise_m
     return surface.noise_m if given_m is None else given_m * math.sqrt(surface.scans_of_noise)

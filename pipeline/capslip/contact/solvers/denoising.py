@@ -9,9 +9,8 @@ from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise, coarse
 from capslip.contact.solvers.noise import ORDER, white_noise_m
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import noise_spectrum
+from capslip.surface.noise import AS_SAID, noise_spectrum
 
-AS_SAID = 0.8  # of the noise that is said, that a map shows at least: else it is no white one
 # Of the rms of noise: where more is left, the face is as rough, or the map has 1.25 times as much
 MOST_LEFT = 0.6
 LEAST_KNOWN = 0.8  # of the points
