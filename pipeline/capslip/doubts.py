@@ -40,7 +40,6 @@ from capslip.structure.doubts import problems_of_structure
 from capslip.surface.blocks import coarse_map, coarse_step
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import (
-    problems_of_long_waves,
     problems_of_points,
     problems_of_ripple,
     problems_of_scan,
@@ -60,7 +59,7 @@ from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
 from capslip.surface.resampling import problems_of_fewer_points
 from capslip.surface.taken_form import problems_of_taken_form
-from capslip.surface.waves import problems_of_short_waves
+from capslip.surface.waves import problems_of_filters
 from capslip.units import off_by, percent, share_of
 
 # Of what lies where nothing was measured, and of that alone
@@ -117,11 +116,11 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_steep_map(contact, surface),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
-        *problems_of_long_waves(
-            surface, face.conditioned.unfiltered_as_turned(), contact.approach_m
-        ),
-        *problems_of_short_waves(
-            surface, face.conditioned.with_short_waves_as_turned(), contact.approach_m
+        *problems_of_filters(
+            surface,
+            face.conditioned.unfiltered_as_turned(),
+            face.conditioned.with_short_waves_as_turned(),
+            contact.approach_m,
         ),
         *problems_of_taken_form(
             surface, face.conditioned.with_form_as_turned(), contact.approach_m, settings

@@ -340,7 +340,8 @@ def under_preload(
         If the caps cannot carry it.
     """
     chosen = settings.contact.model == "auto"
-    face, settings = _at_its_level(face, contact, face.joint.under(preload_N), settings)
+    settings = _forced(contact, settings)
+    face = _at_its_level(face, contact, face.joint.under(preload_N), settings)
     pressed, _, slip = press_face(face, settings, Clock())
     return (_with_error(face, pressed, settings)[0] if chosen else pressed), slip
 
@@ -366,10 +367,9 @@ def _lying_anew(
         If it finds no level, or not in time, or cannot carry the load; or if the bulk sinking
         cannot be taken off as it was.
     """
-    joint = _of_one_scan(face.joint, load_N)
-    found = levelled_anew(face, joint, _forced(contact, settings)) if fits else None
-    lying, settings = _at_its_level(face, contact, joint, settings)
-    face = found or lying
+    joint, settings = _of_one_scan(face.joint, load_N), _forced(contact, settings)
+    found = levelled_anew(face, joint, settings) if fits else None
+    face = found or _at_its_level(face, contact, joint, settings)
     pressed, caps = _pressed(face, settings)
     if pressed.bulk != contact.bulk:
         raise ContactError(f"the bulk sinking cannot be taken off under {load_N:g} N")
@@ -383,13 +383,10 @@ def _of_one_scan(joint: Joint, load_N: float) -> Joint:
     return Joint(area_m2, area_m2, load_N, np.array([load_N]), np.ones(1), load_N)
 
 
-def _at_its_level(
-    face: Face, contact: ContactState, joint: Joint, settings: Settings
-) -> tuple[Face, Settings]:
-    """Return a face, and its settings, to press it by the same model for another joint."""
-    settings = _forced(contact, settings)
+def _at_its_level(face: Face, contact: ContactState, joint: Joint, settings: Settings) -> Face:
+    """Return a face to press it by the same model for another joint, with `_forced` settings."""
     if contact.rung.made_from == "map":
-        return replace(face, joint=joint), settings
+        return replace(face, joint=joint)
     flags = np.where(contact.use, face.caps.flags, face.caps.flags | UNUSABLE)
     caps = face.caps.with_columns(flags=flags)
     if face.level is not None:
@@ -398,7 +395,7 @@ def _at_its_level(
         caps, slope = levelled(caps, contact.use, *given)
         surface = turned(face.conditioned.surface, slope, at_m)
         face = replace(face, conditioned=replace(face.conditioned, surface=surface))
-    return replace(face, joint=joint, caps=caps), settings
+    return replace(face, joint=joint, caps=caps)
 
 
 def _forced(contact: ContactState, settings: Settings) -> Settings:
@@ -412,7 +409,8 @@ def _lying(face: Face, contact: ContactState, load_N: float, settings: Settings)
     """Return a face as it lies under another load, or as it does if it finds no level there."""
     if contact.at_level is None or contact.at_level(load_N) is None:
         return face
-    return _at_its_level(face, contact, _of_one_scan(face.joint, load_N), settings)[0]
+    joint = _of_one_scan(face.joint, load_N)
+    return _at_its_level(face, contact, joint, _forced(contact, settings))
 
 
 def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:

@@ -375,41 +375,30 @@ def test_the_sum_of_two_means_has_the_forms_of_the_scans_of_both(way):
 
 
 @pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
-def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_short_waves(filtered):
+@pytest.mark.parametrize(
+    ("kept", "filter_of", "index_m"),
+    [
+        ("with_short_waves", "s_filter_nesting_index_m", 6.0 * max(PIXEL_M)),
+        ("unfiltered", "l_filter_nesting_index_m", 30.0 * min(PIXEL_M)),
+    ],
+)
+def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_waves(
+    kept, filter_of, index_m, filtered
+):
     scans = [HeightMap(waves((60, 90), seed), PIXEL_M) for seed in (1, 2)]
     whole = [condition(one) for one in scans]
     faces = [
-        condition(one, s_filter_nesting_index_m=6.0 * max(PIXEL_M) if smooth else None)
-        for one, smooth in zip(scans, filtered, strict=True)
+        condition(one, **({filter_of: index_m} if without else {}))
+        for one, without in zip(scans, filtered, strict=True)
     ]
     placement = place(*(one.surface for one in faces), offset_m=(3e-4, -7e-4))
     both = mate(*faces, placement)
-    assert mate(*faces, placement, way="together").with_short_waves is None
+    assert getattr(mate(*faces, placement, way="together"), kept) is None
     if not any(filtered):
-        assert both.with_short_waves is None
+        assert getattr(both, kept) is None
         return
     expected = composite_surface(*(one.surface for one in whole), placement)
-    np.testing.assert_allclose(both.with_short_waves.height_m, expected.height_m, atol=1e-20)
-
-
-@pytest.mark.parametrize("filtered", [(True, True), (True, False), (False, True), (False, False)])
-def test_the_sum_of_filtered_faces_knows_that_of_faces_with_their_long_waves(filtered):
-    shape = (60, 90)
-    scans = [HeightMap(waves(shape, seed), PIXEL_M) for seed in (1, 2)]
-    index_m = 0.5 * min(scans[0].side_m)
-    whole = [condition(one) for one in scans]
-    faces = [
-        condition(one, l_filter_nesting_index_m=index_m if short else None)
-        for one, short in zip(scans, filtered, strict=True)
-    ]
-    placement = place(*(one.surface for one in faces), offset_m=(3e-4, -7e-4))
-    both = mate(*faces, placement)
-    assert mate(*faces, placement, way="together").unfiltered is None
-    if not any(filtered):
-        assert both.unfiltered is None
-        return
-    expected = composite_surface(*(one.surface for one in whole), placement)
-    np.testing.assert_allclose(both.unfiltered.height_m, expected.height_m, atol=1e-20)
+    np.testing.assert_allclose(getattr(both, kept).height_m, expected.height_m, atol=1e-20)
 
 
 @pytest.mark.parametrize("fewer", [(True, True), (True, False), (False, True), (False, False)])

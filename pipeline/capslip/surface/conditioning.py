@@ -283,9 +283,9 @@ def _with_noise(
     """Return a map with what filters left of its noise; the others that are kept get theirs."""
     if filtered_m is None and surface.shape == noise.shape:
         return surface
-    for name, index_m in (("finer", filtered_m), ("unfiltered", filtered_m)):
+    for name in ("finer", "unfiltered"):
         if also.get(name) is not None:
-            also[name] = noise.left_in(also[name], index_m)
+            also[name] = noise.left_in(also[name], filtered_m)
     if filtered_m is not None:
         also["with_short_waves"] = noise.left_in(also["with_short_waves"])
     return noise.left_in(surface, filtered_m)

@@ -7,7 +7,7 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.form import height_taken_off_m, remove_form
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
@@ -217,34 +217,6 @@ def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
         f"approach is {approach_m:.3g} m"
     )
     return [Problem("ripple", "warning", message)]
-
-
-def problems_of_long_waves(
-    surface: HeightMap, unfiltered: HeightMap | None, approach_m: float
-) -> list[Problem]:
-    """Return whether a filter took off long waves that may bear the load.
-
-    Beside a plane, which a face finds for itself. Lower than a ripple that is seen they are none.
-
-    Parameters
-    ----------
-    surface : HeightMap
-        After the filter.
-    unfiltered : HeightMap or None
-        The same face, on the same points, before it; None where there was none.
-    approach_m : float
-        With which the waves are compared.
-    """
-    if unfiltered is None:
-        return []
-    height_m = height_taken_off_m(unfiltered, surface)
-    if height_m <= VISIBLE_RIPPLE * approach_m:
-        return []
-    message = (
-        f"the L-filter took off long waves {height_m:.3g} m high, the approach is "
-        f"{approach_m:.3g} m: where they are the face's own, they decide what touches"
-    )
-    return [Problem("long_waves_filtered", "warning", message)]
 
 
 def problems_of_mating(

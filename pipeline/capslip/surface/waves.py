@@ -56,30 +56,40 @@ def _cosines(n: int) -> np.ndarray:
     return np.asarray(np.where(order == 0, 1.0, np.sqrt(2.0)) * cosine)
 
 
-def problems_of_short_waves(
-    surface: HeightMap, rough: HeightMap | None, approach_m: float
+def problems_of_filters(
+    surface: HeightMap,
+    with_long: HeightMap | None,
+    with_short: HeightMap | None,
+    approach_m: float,
 ) -> list[Problem]:
-    """Return whether a filter took off short waves that may be the tops on which a face rests.
+    """Return whether filters took off waves that may be the face's own, and bear the load.
 
-    Lower than a ripple that is seen they are none. Noise is among them, which their effect leaves
-    out.
+    Beside a plane, which a face finds for itself. Lower than a ripple that is seen they are none.
+    Noise is among the short ones, which their effect leaves out.
 
     Parameters
     ----------
     surface : HeightMap
-        After the filter.
-    rough : HeightMap or None
-        The same face, on the same points, before it; None where there was none.
+        After the filters.
+    with_long, with_short : HeightMap or None
+        The same face, on the same points, without the L-filter or the S-filter; None where there
+        was none.
     approach_m : float
         With which the waves are compared.
     """
-    if rough is None:
-        return []
-    height_m = height_taken_off_m(rough, surface)
-    if height_m <= VISIBLE_RIPPLE * approach_m:
-        return []
-    message = (
-        f"the S-filter took off short waves, and noise, {height_m:.3g} m high, the approach is "
-        f"{approach_m:.3g} m: what of them is the face's own decides how its tops touch"
-    )
-    return [Problem("short_waves_filtered", "warning", message)]
+    problems = []
+    for code, before, taken, decides in (
+        (
+            *("long_waves_filtered", with_long, "the L-filter took off long waves"),
+            "where they are the face's own, they decide what touches",
+        ),
+        (
+            *("short_waves_filtered", with_short, "the S-filter took off short waves, and noise,"),
+            "what of them is the face's own decides how its tops touch",
+        ),
+    ):
+        height_m = 0.0 if before is None else height_taken_off_m(before, surface)
+        if height_m > VISIBLE_RIPPLE * approach_m:
+            high = f"{taken} {height_m:.3g} m high, the approach is {approach_m:.3g} m"
+            problems.append(Problem(code, "warning", f"{high}: {decides}"))
+    return problems
