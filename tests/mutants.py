@@ -190,6 +190,7 @@ TABLE = [
     (("contact/steepness.py",), ("tests/contact/test_*steepness*.py",)),
     (("contact/turns.py",), ("tests/contact/test_*levelling*.py",)),
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
+    (("contact/solvers/sinking.py",), ("tests/contact/test_*sinking*.py",)),
     (
         ("contact/solvers/metal.py", "contact/plastic_law.py"),
         ("tests/contact/test_*plastic_law*.py", "tests/contact/test_*yielding_map*.py"),

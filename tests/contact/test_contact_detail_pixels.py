@@ -177,21 +177,21 @@ def test_energies_of_refined_flats_are_nearer_and_within_what_half_the_points_te
     stiffness = unloading.stiffness_N_per_m / finer.stiffness_N_per_m
     assert stiffness == pytest.approx(1.0, abs=0.003)
     assert errors.stiffness < TOLERANCE
-    assert (off < (0.035, 0.06, 0.01, 0.007)).all()
+    assert (off < (0.035, 0.06, 0.02, 0.03)).all()
     assert (off <= said).all()
     assert np.median(said / np.maximum(off, 0.003)) < 8.0
 
 
 @pytest.mark.usefixtures("on_pixels")
 def test_pixels_of_flats_count_where_they_are_more_and_a_load_has_left_any(monkeypatch):
-    told = dict(zip(detail.FORCE_SHARES, (0.6, 0.4, 0.3, 0.2), strict=True))
+    told = dict(zip(detail.FORCE_SHARES, (1.2, 0.8, 0.6, 0.4), strict=True))
     monkeypatch.setattr(map_accuracy, "effect_of_pixels", lambda *_: told)
     errors, problems = error_of_map(of_half(), LOAD_N, TOLERANCE)
     for share, error in told.items():
         assert errors.energy_at(share) == pytest.approx(error, rel=1e-3)
-    assert errors.energy_at(1.0) == pytest.approx(0.2, rel=1e-3)
+    assert errors.energy_at(1.0) == pytest.approx(0.4, rel=1e-3)
     (one,) = (one for one in problems if one.code == "small_slip_extrapolated")
-    as_share = pytest.approx(np.expm1(0.4), rel=1e-3)  # of that logarithm
+    as_share = pytest.approx(np.expm1(0.8), rel=1e-3)  # of that logarithm
     assert (one.severity, one.effect.energy) == ("warning", as_share)
     elastic, _ = error_of_map(of_half(1e12), LOAD_N, TOLERANCE)
     assert elastic.energy_at(0.75) < 0.1

@@ -129,7 +129,7 @@ def left_m(model: Rung, before: Scene, after: Scene, curve: Any) -> float | None
         return None
     if model.made_from == "spheres":
         return _top_m(model, before) - _top_m(model, after)
-    return float(curve.first.approach_m - curve.approach_m(before.preload_N))
+    return float(curve.first.of_face_m - curve.approach_m(before.preload_N))
 
 
 def _top_m(model: Rung, scene: Scene) -> float:

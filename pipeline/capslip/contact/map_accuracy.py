@@ -65,7 +65,7 @@ BLURRED_95 = 2.0, 2.5
 OF_BLURRED = 3.0  # times what it moves of the stiffness: the energy moves 2 to 8 times as much
 MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude none is known anyway
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
-METAL_ERROR = 0.02  # the same of the energy of metal, whose pressures are known at the pixels alone
+METAL_ERROR = 0.03  # the same of the energy of metal, whose pressures are known at the pixels alone
 # Correlation length of what is missed, over how far the points lie apart: on rough faces of every
 # other point the energy at 0.25 mu N is off by 0.5 to 0.85 standard deviations then
 OF_APART = 0.3

@@ -17,6 +17,7 @@ from capslip.contact.solvers.nearby import loaded_anew
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.refinement import WIDE_ENOUGH
+from capslip.contact.solvers.sinking import sunk_in
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.errors import ContactError, SettingsError
@@ -103,20 +104,33 @@ def boundary_elements(
     if preload_N is None or not (balanced or yields):
         return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s), NAME)
     face = replace(face, hardness_Pa=float(hardness_Pa))
-    if balanced:
-        pressed = press_balanced(
+
+    def again(face: ElasticFace, near: Pressed | None = None) -> Pressed:
+        start_Pa = None if near is None else near.pressure_Pa
+        left_s = time_limit_s if near is None else time_limit_s - (thread_time() - begun_s)
+        if not balanced:
+            return press(
+                face,
+                load_N=preload_N,
+                tolerance=tolerance,
+                start_Pa=start_Pa,
+                time_limit_s=left_s,
+            )
+        return press_balanced(
             face,
             preload_N,
             load_point_m,
             rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
             at_ease_rad=at_ease_rad,
             tolerance=tolerance,
-            time_limit_s=time_limit_s,
+            start_tilt_rad=None if near is None else near.tilt_rad,
+            start_Pa=start_Pa,
+            time_limit_s=left_s,
         )
-        face = face.tilted(pressed.tilt_rad)
-    else:
-        pressed = press(face, load_N=preload_N, tolerance=tolerance, time_limit_s=time_limit_s)
-    return _unloading(face, pressed, float(tolerance), time_limit_s, begun_s)
+
+    pressed, deeper_m = sunk_in(face, again(face), again)
+    face = face.tilted(pressed.tilt_rad)
+    return _unloading(face, pressed, deeper_m, float(tolerance), time_limit_s, begun_s)
 
 
 def _after(
@@ -133,32 +147,38 @@ def _after(
     assert curve.first is not None
     given = (curve.solutions.tolerance, curve.solutions.time_limit_s)
     begun_s, tilt_rad = thread_time(), curve.tilt_rad
+    first = curve.first
     if place_m is None:
         pressed, punch = curve.pressed(load_N), curve.solutions.punch(load_N)
-        face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
+        face, again, deeper_m = loaded_anew(first, pressed, punch, (of_load, of_hardness), *given)
     else:
-        face = curve.first.face
-        face = replace(face, hardness_Pa=of_hardness * face.hardness_Pa)
+        face = replace(first.face, hardness_Pa=of_hardness * first.face.hardness_Pa)
         # It turns a little from load to load: nearly all that touches did under the known one
         known_Pa = curve.pressed(load_N).pressure_Pa
-        again = press_balanced(
-            face,
-            of_load * load_N,
-            place_m,
-            tolerance=given[0],
-            start_tilt_rad=(0.0, 0.0),
-            start_Pa=np.minimum(of_load * known_Pa, face.hardness_Pa),
-            time_limit_s=given[1],
-        )
+        begin_Pa = np.minimum(of_load * known_Pa, face.hardness_Pa)
+
+        def turned(face: ElasticFace, near: Pressed | None = None) -> Pressed:
+            return press_balanced(
+                face,
+                of_load * load_N,
+                place_m,
+                tolerance=given[0],
+                start_tilt_rad=(0.0, 0.0) if near is None else near.tilt_rad,
+                start_Pa=begin_Pa if near is None else near.pressure_Pa,
+                time_limit_s=given[1],
+            )
+
+        again, deeper_m = sunk_in(face, turned(first.lowered(face)), turned, first.deeper_m)
         face = face.tilted(again.tilt_rad)
         tilt_rad = tilt_rad[0] + again.tilt_rad[0], tilt_rad[1] + again.tilt_rad[1]
-    after = _unloading(face, again, *given, begun_s, as_pixels=of_load != 1.0)
+    after = _unloading(face, again, deeper_m, *given, begun_s, as_pixels=of_load != 1.0)
     return replace(after, tilt_rad=tilt_rad)
 
 
 def _unloading(
     face: ElasticFace,
     pressed: Pressed,
+    deeper_m: np.ndarray | None,
     tolerance: float,
     time_limit_s: float,
     begun_s: float,
@@ -166,13 +186,13 @@ def _unloading(
 ) -> BoundaryElementCurve:
     """Return the curve along which a face unloads from its first load, begun at a `thread_time`.
 
-    It is given before any load, under the tilt of its state.
+    It is given before any load, under the tilt of its state, with what it sinks deeper.
     """
-    area_m2, first = None, FirstLoading(face, pressed.approach_m, pressed.turns)
+    area_m2, first = None, FirstLoading(face, pressed.approach_m, pressed.turns, deeper_m)
     if not math.isinf(face.hardness_Pa):
         yielded = pressed.pressure_Pa >= face.hardness_Pa
         area_m2 = np.count_nonzero(yielded) * face.pixel_area_m2
-        face, pressed = first_loading(face, pressed)
+        face, pressed = first_loading(first.sunk, pressed)
     spent_s = {pressed.load_N: thread_time() - begun_s}
     solutions = Solutions(face, tolerance, time_limit_s, spent_s, as_pixels=as_pixels)
     solutions.keep(pressed)

@@ -6,6 +6,7 @@ where it was refined, on every other of its pixels where it yielded or its conta
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import thread_time
 
 import numpy as np
@@ -42,8 +43,26 @@ class FirstLoading:
     """A face as it was before it was pressed, and how far it came when it was."""
 
     face: ElasticFace  # with its hardness, and the tilt that its balance found
-    approach_m: float
+    approach_m: float  # of `sunk`, from its own first touch
     turns: bool = False  # see `Pressed`
+    deeper_m: np.ndarray | None = None  # (ny, nx), see `sunk_in`
+
+    @cached_property
+    def sunk(self) -> ElasticFace:
+        """The face as it was pressed: with what metal sinks deeper than its bound tells."""
+        return self.lowered(self.face)
+
+    def lowered(self, face: ElasticFace) -> ElasticFace:
+        """Return another face of these points, with what metal sinks deeper."""
+        return face if self.deeper_m is None else face.lowered(self.deeper_m)
+
+    @property
+    def of_face_m(self) -> float:
+        """Approach from the first touch of the face as it was."""
+        if self.deeper_m is None:
+            return self.approach_m
+        depth_m = self.face.depth_m + self.deeper_m
+        return self.approach_m + float(np.min(depth_m, where=self.face.measured, initial=np.inf))
 
 
 @dataclass(frozen=True)
@@ -163,7 +182,7 @@ def _effect_of(
     load_N = unloading.load_N
     if resolved and _hardly_moves(first, smooth):
         return Detail(Effect(0.0, 0.0, 0.0))
-    begun_s = thread_time()
+    begun_s, smooth = thread_time(), first.lowered(smooth)
     again = press(
         smooth,
         load_N=load_N,
@@ -246,7 +265,7 @@ def effect_of_pixels(
     row, col = (int(at) % 2 for at in highest)
     for top, left in ((row, col), (1 - row, 1 - col)):
         every_other = np.s_[top::2, left::2]
-        face = _thinned(first.face, every_other)
+        face = _thinned(first.sunk, every_other)
         try:
             pressed = press(
                 face,

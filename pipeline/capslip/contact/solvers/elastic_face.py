@@ -106,18 +106,21 @@ class ElasticFace:
     def _white_m2(self) -> dict[tuple[int, int], np.ndarray]:
         return {}
 
+    def lowered(self, deeper_m: np.ndarray) -> "ElasticFace":
+        """Return the face with its points lower, of its shape; from its own first touch."""
+        if not deeper_m.any():
+            return self
+        depth_m = self.depth_m + deeper_m
+        depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
+        return replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
+
     def flattened(self, sunk_m: np.ndarray) -> "ElasticFace":
         """Return the elastic face that is left where points have sunk for good, shape (ny, nx).
 
         Where none has, points between its pixels may have: it keeps the face before the load, too.
         """
-        depth_m = self.depth_m
-        if sunk_m.any():
-            depth_m = depth_m + sunk_m
-            depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
-            depth_m = np.where(self.measured, depth_m, 0.0)
         before = self if np.isfinite(self.hardness_Pa) else None
-        return replace(self, depth_m=depth_m, hardness_Pa=np.inf, before=before)
+        return replace(self.lowered(sunk_m), hardness_Pa=np.inf, before=before)
 
     @property
     def yielded(self) -> bool:

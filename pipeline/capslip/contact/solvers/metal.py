@@ -1,6 +1,6 @@
 """What a first load leaves of a face that yields, and with which pressures metal bears it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,9 +31,28 @@ OF_METAL = np.array(
 # p0 / H up to which a contact has the pressures of an elastic one, and from which on it is taken
 # for round: the bound has cut them off
 _AS_SOLVED, _AS_ROUND = 0.8, 1.2
-# Sunk for good at most, over the radius of the contact and H / E*, which tells p0 / H from 1 on
-SUNK = (0.0, 0.0435, 0.164, 0.429, 0.737, 1.066, 1.789, 2.59, 4.37, 8.66)
-SUNK_AT = (1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0)
+# What tells p0 / H of a sphere whose pressures end at the hardness: their mean, weighed by them,
+# over H; and where nearly all is at H by how much it has sunk for good, the same mean, over the
+# radius of the contact and H / E*
+PRESSURE = (0.0, 0.75, 0.786, 0.8185, 0.8466, 0.8915, 0.924)
+PRESSURE_AT = (0.0, 1.0, 1.05, 1.1, 1.15, 1.25, 1.35)
+SUNK = (0.0, 0.0064, 0.0449, 0.162, 0.312, 0.4785, 0.84, 1.239, 2.137, 4.284, 6.826, 12.89, 28.23)
+SUNK_AT = (1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)
+_BY_PRESSURE, _BY_DEPTH = 0.86, 0.92  # of that mean pressure
+_SLENDER = 1.25  # of how far the middle of a part is from the edge: its radius at most, by its area
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The parts of contacts, k of them, and the n points that touch, made by `parts_of`."""
+
+    at: np.ndarray  # (n,), flat indices of the points
+    part: np.ndarray  # (n,), in which each lies
+    to_edge_m: np.ndarray  # (n,), how far each is from the edge
+    widest_m: np.ndarray  # (k,), the same in the middle of a part
+    radius_m: np.ndarray  # (k,)
+    load_Pa: np.ndarray  # (k,), sum of the pressures
+    over_hardness: np.ndarray  # (k,), p0 / H
 
 
 def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pressed]:
@@ -56,10 +75,9 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
     ElasticFace, Pressed
         Elastic; the approach counts from its own first touch.
     """
-    yielded = pressed.pressure_Pa >= face.hardness_Pa
-    sunk_m = np.where(yielded, np.maximum(-pressed.gap_m, 0.0), 0.0)
+    yielded, sunk_m = pressed.pressure_Pa >= face.hardness_Pa, sunk_for_good_m(face, pressed)
     gap_m = pressed.gap_m + sunk_m
-    pressure_Pa, over_hardness = metal_pressure_Pa(face, pressed, sunk_m)
+    pressure_Pa, over_hardness = metal_pressure_Pa(face, pressed)
     if pressure_Pa is not pressed.pressure_Pa:
         sunk_m = sunk_m + face.half_space.sinking_m(pressed.pressure_Pa - pressure_Pa)
     lower_m = float(np.min(face.depth_m + sunk_m, where=face.measured, initial=np.inf))
@@ -75,18 +93,21 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
     return face.flattened(sunk_m), left
 
 
-def metal_pressure_Pa(
-    face: ElasticFace, pressed: Pressed, sunk_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def sunk_for_good_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return by how much points at the hardness have sunk for good, of the shape of the face."""
+    yielded = pressed.pressure_Pa >= face.hardness_Pa
+    return np.where(yielded, np.maximum(-pressed.gap_m, 0.0), 0.0)
+
+
+def metal_pressure_Pa(face: ElasticFace, pressed: Pressed) -> tuple[np.ndarray, np.ndarray]:
     """Return pressures as metal has them after a first load, and p0 / H where each point lies.
 
     One bound on the pressures gives the area of a contact, but not where in it the load is: metal
     yields below its surface before, and is flatter in its middle then, and where the bound makes a
     flat of even pressure to the very edge, it bears less there. What a contact loses as it unloads
     hangs on its edge. So each part of it keeps its load, and gets the pressures that a sphere has
-    by finite elements at the same p0 / H, by how far each point is from the edge. p0 / H follows
-    from the greatest pressure where that is below the hardness, else from how deep it has sunk.
-    Where a contact narrows and widens again another part begins.
+    by finite elements at the same p0 / H, by how far each point is from the edge. Where a contact
+    narrows and widens again another part begins.
 
     Parameters
     ----------
@@ -94,8 +115,6 @@ def metal_pressure_Pa(
         With its hardness.
     pressed : Pressed
         Its state under the first load.
-    sunk_m : float64, of the shape of the face
-        By how much its points have sunk for good under their bound.
 
     Returns
     -------
@@ -105,31 +124,56 @@ def metal_pressure_Pa(
     over_hardness, found_Pa = np.zeros(face.shape), pressed.pressure_Pa
     if pressed.max_pressure_Pa <= OVER_HARDNESS[0] * face.hardness_Pa:
         return found_Pa, over_hardness
-    at = np.flatnonzero(found_Pa)
-    pressure_Pa = found_Pa.reshape(-1)[at]
-    to_edge_m, part = _parts(face, at)
-    n_points = np.bincount(part)
-    most_Pa, deepest_m, widest_m = np.zeros((3, n_points.size))
-    np.maximum.at(most_Pa, part, pressure_Pa)
-    np.maximum.at(deepest_m, part, sunk_m.reshape(-1)[at])
-    np.maximum.at(widest_m, part, to_edge_m)
-    relative = deepest_m * face.E_star_Pa / (face.hardness_Pa * widest_m)
-    sunk = np.interp(relative, SUNK, SUNK_AT)
-    over = np.where(most_Pa < face.hardness_Pa, most_Pa / face.hardness_Pa, sunk)[part]
-    over_hardness.reshape(-1)[at] = over
-    inside = to_edge_m / widest_m[part]
+    parts = parts_of(face, pressed)
+    part, pressure_Pa = parts.part, found_Pa.reshape(-1)[parts.at]
+    over = parts.over_hardness[part]
+    over_hardness.reshape(-1)[parts.at] = over
+    inside = parts.to_edge_m / parts.widest_m[part]
     place = inside * (2.0 - inside)
-    load_Pa = np.bincount(part, weights=pressure_Pa)
-    hertz_Pa = 1.5 * (load_Pa / n_points)[part] * np.sqrt(place)
+    hertz_Pa = 1.5 * (parts.load_Pa / np.bincount(part))[part] * np.sqrt(place)
     as_round = np.clip((over - _AS_SOLVED) / (_AS_ROUND - _AS_SOLVED), 0.0, 1.0)
     # A pixel that is touched in part alone bears little, wherever it lies
     round_Pa = np.where(pressure_Pa < face.hardness_Pa, np.minimum(pressure_Pa, hertz_Pa), hertz_Pa)
     metal_Pa = (1.0 - as_round) * pressure_Pa + as_round * round_Pa
     metal_Pa *= _of_metal(over, place)
-    metal_Pa *= (load_Pa / np.bincount(part, weights=metal_Pa))[part]
+    metal_Pa *= (parts.load_Pa / np.bincount(part, weights=metal_Pa))[part]
     found_Pa = found_Pa.copy()
-    found_Pa.reshape(-1)[at] = metal_Pa
+    found_Pa.reshape(-1)[parts.at] = metal_Pa
     return found_Pa, over_hardness
+
+
+def parts_of(face: ElasticFace, pressed: Pressed) -> Parts:
+    """Return the parts of contacts, and p0 / H of each.
+
+    It is that of the sphere that bears its load as evenly, or, where the pressure is the hardness
+    nearly all over, that has sunk as deep. Neither hangs on the pixels of the rim, nor on one point
+    in the middle. The radius is that of a circle of its area; of a slender one its half width.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        With its hardness.
+    pressed : Pressed
+        Its state under the first load.
+    """
+    at = np.flatnonzero(pressed.pressure_Pa)
+    pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
+    sunk_m = sunk_for_good_m(face, pressed).reshape(-1)[at]
+    to_edge_m, part = _parts(face, at)
+    n_points, load_Pa = np.bincount(part), np.bincount(part, weights=pressure_Pa)
+    widest_m = np.zeros(n_points.size)
+    np.maximum.at(widest_m, part, to_edge_m)
+    radius_m = np.sqrt(n_points * face.pixel_area_m2 / np.pi)
+    radius_m = np.minimum(radius_m, _SLENDER * widest_m)
+    mean_Pa, mean_m = (
+        np.bincount(part, weights=pressure_Pa * one) / load_Pa for one in (pressure_Pa, sunk_m)
+    )
+    even = mean_Pa / face.hardness_Pa
+    sunk = mean_m * face.E_star_Pa / (face.hardness_Pa * radius_m)
+    by_depth = np.clip((even - _BY_PRESSURE) / (_BY_DEPTH - _BY_PRESSURE), 0.0, 1.0)
+    over = (1.0 - by_depth) * np.interp(even, PRESSURE, PRESSURE_AT)
+    over += by_depth * np.interp(sunk, SUNK, SUNK_AT)
+    return Parts(at, part, to_edge_m, widest_m, radius_m, load_Pa, over)
 
 
 def _of_metal(over: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -148,6 +192,26 @@ def _of_metal(over: np.ndarray, place: np.ndarray) -> np.ndarray:
     return np.asarray((1.0 - down) * upper + down * lower)
 
 
+def contacts_of(face: ElasticFace, at: np.ndarray) -> np.ndarray:
+    """Return the contact in which each point lies, from 1 on: points beside one another, 8 ways.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        Any points of a grid.
+    at : int, shape (n,)
+        Flat indices of those that touch.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    _, number, beside = _grid(face, at)
+    found, known = _found(number, beside)
+    one = np.broadcast_to(np.arange(at.size), beside.shape)[known]
+    pairs = coo_matrix((np.ones(one.size, dtype=bool), (one, found[known])), shape=(at.size,) * 2)
+    return np.asarray(connected_components(pairs, directed=False)[1]) + 1
+
+
 def _parts(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return how far points that touch are from the edge, and the part in which each lies.
 
@@ -156,21 +220,33 @@ def _parts(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     from scipy.spatial import cKDTree
 
-    row, column = face.lattice(at)
-    row, column = row - row.min() + 1, column - column.min() + 1
-    width = int(column.max()) + 2
-    number = row * width + column
-    steps = np.array([1, width - 1, width, width + 1])[:, None]
-    beside = np.concatenate((number - steps, number + steps))
+    width, number, beside = _grid(face, at)
     edge = np.transpose(np.divmod(np.setdiff1d(beside, number), width)) * face.pixel_size_m
-    apart_m, _ = cKDTree(edge).query(np.transpose((row, column)) * face.pixel_size_m)
+    place_m = np.transpose(np.divmod(number, width)) * face.pixel_size_m
+    apart_m, _ = cKDTree(edge).query(place_m)
     to_edge_m = apart_m - 0.5 * min(face.pixel_size_m)
-    order = np.argsort(number)
-    found = order[np.minimum(np.searchsorted(number, beside, sorter=order), order.size - 1)]
+    found, known = _found(number, beside)
     height = np.argsort(np.argsort(to_edge_m, kind="stable"))  # equal ones in one order
-    up = np.where(number[found] == beside, height[found], -1)
+    up = np.where(known, height[found], -1)
     highest = up.argmax(axis=0), np.arange(at.size)
     end = np.where(up[highest] > height, found[highest], highest[1])
     while (end[end] != end).any():
         end = end[end]
     return to_edge_m, np.unique(end, return_inverse=True)[1]
+
+
+def _grid(face: ElasticFace, at: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+    """Return the width of a grid about points, their numbers in it, and of all beside, (8, n)."""
+    row, column = face.lattice(at)
+    row, column = row - row.min() + 1, column - column.min() + 1
+    width = int(column.max()) + 2
+    number = row * width + column
+    steps = np.array([1, width - 1, width, width + 1])[:, None]
+    return width, number, np.concatenate((number - steps, number + steps))
+
+
+def _found(number: np.ndarray, beside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which of the points has each number of the grid, and whether one has."""
+    order = np.argsort(number)
+    found = order[np.minimum(np.searchsorted(number, beside, sorter=order), order.size - 1)]
+    return found, number[found] == beside

@@ -1,5 +1,6 @@
 """A pressed face under another load or with another hardness, at next to no cost."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,13 @@ from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import SINGLE, alone_on, around_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
+from capslip.contact.solvers.sinking import (
+    MOST_TURNS,
+    moved_share,
+    settled,
+    sinks_deeper_m,
+    sunk_in,
+)
 from capslip.contact.solvers.starts import Known, start_Pa
 
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
@@ -67,7 +75,7 @@ def nearby(
     ContactError
         If a solution fails.
     """
-    face = first.face
+    face = first.sunk
     # Two solutions make a loss; of the approach only the elastic part is withdrawn
     counts = min(pressed.approach_m / first.approach_m, 1.0)
     yields = not np.isinf(face.hardness_Pa)
@@ -82,6 +90,9 @@ def nearby(
     total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
     above, end = Known(0.0, known_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
     part = start_Pa(total_Pa, punch, above, end) / np.maximum(known_Pa, _LEAST_PA)
+    area_m2 = face.pixel_area_m2
+    deeper_m = np.zeros(face.shape) if first.deeper_m is None else first.deeper_m
+    known_m = alone.gathered(deeper_m)
     found: list[Nearby] = []
     for of_load, of_hardness in changes:
         face_i = replace(alone, hardness_Pa=face.hardness_Pa * of_hardness)
@@ -92,17 +103,46 @@ def nearby(
             state = press(
                 face_i, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, sinks_once=True
             )
-        elastic, loaded = first_loading(face_i, state)
+        sunk_i, state, lower_m = _sunk_in(face_i, state, known_m, tolerance)
+        elastic, loaded = first_loading(sunk_i, state)
         comes_back = finest == 1 and of_load > 1.0 and hardly_yields(pressed, face.hardness_Pa)
         if comes_back and hardly_yields(state, face_i.hardness_Pa):
             lost = float(loaded.pressure_Pa @ gap_m - known_Pa @ loaded.gap_m)
-            back_m, loss_J = state.approach_m - first.approach_m, 4.0 * lost * face.pixel_area_m2
+            back_m, loss_J = state.approach_m + lower_m - first.approach_m, 4.0 * lost * area_m2
             found.append(Nearby(loaded.approach_m, 1.0 - 1.0 / of_load, back_m, loss_J))
             continue
         one, left_Pa = _unloaded(elastic, loaded, part, share)
         part = left_Pa / np.maximum(state.pressure_Pa, _LEAST_PA)  # about the same after another
         found.append(one)
     return found
+
+
+def _sunk_in(
+    alone: PatchedFace, state: Pressed, known_m: np.ndarray, tolerance: float
+) -> tuple[ElasticFace, Pressed, float]:
+    """Return points alone, sunk as deep as metal does under another load, and their state.
+
+    They lie lower by what is known already. And how much lower they first touch.
+    """
+    if math.isinf(alone.hardness_Pa):
+        return alone, state, 0.0
+    sunk: ElasticFace = alone
+    before_m, last, lower_m = known_m, math.inf, 0.0
+    for _ in range(MOST_TURNS):
+        found_m = sinks_deeper_m(alone, state)
+        moved = moved_share(found_m, before_m, state)
+        if settled(moved, last):
+            break
+        before_m, last, further_m = found_m, moved, found_m - known_m
+        sunk, lower_m = alone.lowered(further_m), float((alone.depth_m + further_m).min())
+        state = press(
+            sunk,
+            load_N=state.load_N,
+            tolerance=tolerance,
+            start_Pa=state.pressure_Pa,
+            sinks_once=True,
+        )
+    return sunk, state, lower_m
 
 
 def loaded_anew(
@@ -112,8 +152,10 @@ def loaded_anew(
     change: tuple[float, float],
     tolerance: float,
     time_limit_s: float,
-) -> tuple[ElasticFace, Pressed]:
+) -> tuple[ElasticFace, Pressed, np.ndarray | None]:
     """Return a face with another hardness, and its state under another first load, on all points.
+
+    And how much deeper its contacts sink, see `sunk_in`.
 
     Under no more load for the hardness no other points touch: then it is solved on these alone
     before, so that what is left for the whole map is next to nothing.
@@ -133,20 +175,26 @@ def loaded_anew(
         If a solution fails.
     """
     of_load, of_hardness = change
-    load_N = of_load * pressed.load_N
-    face = replace(first.face, hardness_Pa=of_hardness * first.face.hardness_Pa)
-    begin_Pa = _begin_Pa(first.face, pressed.pressure_Pa, punch_Pa_per_m, of_load, of_hardness)
+    load_N, hardness_Pa = of_load * pressed.load_N, of_hardness * first.face.hardness_Pa
+    face = replace(first.face, hardness_Pa=hardness_Pa)
+    sunk = first.sunk
+    begin_Pa = _begin_Pa(sunk, pressed.pressure_Pa, punch_Pa_per_m, of_load, of_hardness)
     if of_load <= of_hardness:
-        alone = replace(
-            _alone(first.face, pressed.pressure_Pa > 0.0, tolerance), hardness_Pa=face.hardness_Pa
-        )
+        alone = replace(_alone(sunk, pressed.pressure_Pa > 0.0, tolerance), hardness_Pa=hardness_Pa)
         start_Pa = alone.gathered(begin_Pa)
         left = press(alone, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa, sinks_once=True)
         begin_Pa = alone.spread(left.pressure_Pa)
-    limit_s = time_limit_s
-    return face, press(
-        face, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, time_limit_s=limit_s
-    )
+
+    def again(face: ElasticFace, near: Pressed | None = None) -> Pressed:
+        return press(
+            face,
+            load_N=load_N,
+            tolerance=tolerance,
+            start_Pa=begin_Pa if near is None else near.pressure_Pa,
+            time_limit_s=time_limit_s,
+        )
+
+    return face, *sunk_in(face, again(first.lowered(face)), again, first.deeper_m)
 
 
 def _reached(
@@ -163,7 +211,7 @@ def _reached(
     load, by those that stand clear by least. Twice as many are taken of either; what penetrates of
     the map all the same, too.
     """
-    face, touching = first.face, pressed.pressure_Pa > 0.0
+    face, touching = first.sunk, pressed.pressure_Pa > 0.0
     if most == 1.0:
         return _alone(face, touching, tolerance), None
     may_touch = face.measured & ~touching
