@@ -290,7 +290,12 @@ TABLE = [
     (("studies/paper/*.py", "studies/page.py"), ("tests/studies/test_reproduce.py",)),
     (("studies/clock.py",), ("tests/studies/test_bench.py",)),
     (
-        ("studies/real_scans.py", "studies/validation.py", "studies/plastic_sphere.py"),
+        (
+            "studies/real_scans.py",
+            "studies/validation.py",
+            "studies/plastic_sphere.py",
+            "studies/plastic_tops.py",
+        ),
         ("tests/studies/test_{stem}.py",),
     ),
     *(

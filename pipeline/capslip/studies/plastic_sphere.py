@@ -106,6 +106,7 @@ class Contact:
     yield_stress: float
     radius: float
     load: float
+    depth: float
     r: np.ndarray  # (m,), from the axis to the first ring that carries nothing
     pressure: np.ndarray  # (m,)
     held_load: float  # that the body is held with, far away
@@ -178,13 +179,19 @@ def _stiffness(strain: np.ndarray, volume: np.ndarray, moduli: np.ndarray) -> np
     return np.asarray(np.swapaxes(strain.reshape(-1, 16, 8), 1, 2) @ stress.reshape(-1, 16, 8))
 
 
+def parabola(r: np.ndarray) -> np.ndarray:
+    """Return how far below its top the parabola is at radii."""
+    return 0.5 * r**2
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A half-space, and what it is made of."""
+    """A half-space, what it is made of, and what is pressed into it."""
 
     mesh: Mesh
     yield_stress: float
     hardening: float  # growth of the yield stress over plastic strain
+    top: Callable[[np.ndarray], np.ndarray] = parabola  # rises nowhere from the axis outwards
 
     def start(self) -> State:
         """Return the body as it is before it is touched."""
@@ -246,7 +253,7 @@ def advanced(body: Body, start: State, rings: int, depth: float | None = None) -
         To start from.
     """
     mesh = body.mesh
-    gap = 0.5 * mesh.radius[: rings + 1] ** 2
+    gap = body.top(mesh.radius[: rings + 1])
     under, edge = mesh.face[:rings], mesh.face[rings]
     free = ~mesh.held
     free[under] = False
@@ -308,26 +315,28 @@ def _part(moved: Callable[[np.ndarray], State], now: State, move: Any, free: Any
     return part
 
 
-def pressed(body: Body) -> Contact:
-    """Press the parabola in until the contact has a radius of about 1.
+def pressed(body: Body, elastic: float | None = None) -> Contact:
+    """Press the top in until the contact has a radius of about 1.
 
     Ring by ring: in longer steps the strains next to the edge go straight where they should turn,
     and W comes out up to 5 % higher. Quarters of these steps take off another 2 % at
     p0 / H = 1.96 and F / N = 0.25, and 1.5 % at a half and three quarters (250 rings).
+    Up to a radius `elastic` nothing yields, by default that of the parabola.
 
     Raises
     ------
     ContactError
         If no balance is found.
     """
-    r = body.mesh.radius
-    first = max(2, int(np.searchsorted(r, min(ELASTIC * body.yield_stress, 0.95))))
+    r, gap = body.mesh.radius, body.top(body.mesh.radius)
+    begin = ELASTIC * body.yield_stress if elastic is None else elastic
+    first = max(2, int(np.searchsorted(r, min(begin, 0.95))))
     state, passed = body.start(), list[tuple[int, float]]()
     for rings in range(first, int(np.abs(r - 1.0).argmin()) + 1):
         depth = None
         if len(passed) > 1:
             (before, before_d), (last, last_d) = passed[-2:]
-            grown = (r[rings] ** 2 - r[last] ** 2) / (r[last] ** 2 - r[before] ** 2)
+            grown = (gap[rings] - gap[last]) / (gap[last] - gap[before])
             depth = last_d + (last_d - before_d) * grown
         found = advanced(body, state, rings, depth)
         if found is None:
@@ -343,7 +352,8 @@ def pressed(body: Body) -> Contact:
     p = np.append(force / body.mesh.area[:m], 0.0)
     a = r[m] - EDGE * (r[m] - r[m - 1])
     held = -state.force[1::2][body.mesh.held[1::2]].sum()
-    return Contact(body.yield_stress, float(a), force.sum(), r[: m + 1], p, held)
+    load = force.sum()
+    return Contact(body.yield_stress, float(a), load, state.depth, r[: m + 1], p, held)
 
 
 def withdrawn(r: np.ndarray, pressure: np.ndarray, to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -374,27 +384,25 @@ def withdrawn(r: np.ndarray, pressure: np.ndarray, to: np.ndarray) -> tuple[np.n
     return e, 2.0 * (to * e + below)
 
 
-def losses(
-    r: np.ndarray, pressure: np.ndarray, load: float, radius: float, shares: Iterable[float]
-) -> np.ndarray:
-    """Return W at shares F / N, over that of a Hertz contact of this load and radius.
-
-    Parameters
-    ----------
-    r, pressure : float64, shape (m,)
-        At full load.
-    load, radius : float
-        N and a.
-    shares : iterable of float
-        Between 0 and 1.
-    """
+def slipped(
+    r: np.ndarray, pressure: np.ndarray, load: float, shares: Iterable[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return by how much a contact has come up where shares F / N of its load are gone, and W."""
     to = r[-1] * (1.0 - np.append(0.0, np.geomspace(1e-6, 0.995, 2000)))
     e, F = withdrawn(r, pressure, to)
     W = np.append(0.0, np.cumsum(4.0 * (F[:-1] * e[1:] - F[1:] * e[:-1])))
+    gone = load * np.array(list(shares))
+    return np.interp(gone, F, e), np.interp(gone, F, W)
+
+
+def losses(
+    r: np.ndarray, pressure: np.ndarray, load: float, radius: float, shares: Iterable[float]
+) -> np.ndarray:
+    """Return W at shares F / N, over that of a Hertz contact of this load and radius."""
     f = np.array(list(shares))
     series = 1.0 - (1.0 - f) ** (5 / 3) - 5.0 * f / 6.0 * (1.0 + (1.0 - f) ** (2 / 3))
     hertz = 3.0 * load**2 / (4.0 * radius) * 24.0 / 5.0 * series
-    return np.asarray(np.interp(f * load, F, W) / hertz)
+    return slipped(r, pressure, load, f)[1] / hertz
 
 
 def over_hertz(contact: Contact) -> np.ndarray:
