@@ -8,7 +8,16 @@ import pytest
 from capslip.contact.plastic_law import LawError
 from capslip.contact.rung import ModelError
 from capslip.studies import plastic_sphere, plastic_tops
-from capslip.studies.plastic_sphere import FORCE_SHARES, Body, mesh_of, pressed, withdrawn
+from capslip.studies.plastic_sphere import (
+    EDGE,
+    FAR,
+    FORCE_SHARES,
+    Body,
+    advanced,
+    mesh_of,
+    pressed,
+    withdrawn,
+)
 from capslip.studies.plastic_tops import (
     TOPS,
     answer_of,
@@ -18,10 +27,10 @@ from capslip.studies.plastic_tops import (
     stated,
 )
 
-PARABOLA, CONE, FOURTH, RIMMED, WORN, BUMPY = TOPS
+PARABOLA, CONE, FOURTH, RIMMED, WORN, BUMPY, TIP = TOPS
 SOFT = 1e-6  # mean pressure over the hardness: nothing yields
-# Depth and load of a contact of radius 1 (Sneddon 1965), and the powers of the radius with which
-# they grow; d = a acos(b / a), and of the flat with a rim also less of what that is round
+# Depth and load of a contact of radius 1 (Sneddon 1965), and the power of the radius with which the
+# depth grows
 CLOSED = {
     PARABOLA: (1.0, 4.0 / 3.0, 2),
     CONE: (math.pi / 2.0, math.pi / 2.0, 1),
@@ -48,14 +57,15 @@ def test_elastic_tops_are_those_of_sneddon(mesh, top):
     assert found.area == pytest.approx(np.pi * contact.radius**2)
 
 
-@pytest.mark.parametrize("top", [RIMMED, WORN, BUMPY], ids=lambda top: top.name)
+@pytest.mark.parametrize("top", [RIMMED, WORN, BUMPY, TIP], ids=lambda top: top.name)
 def test_elements_and_the_integral_agree_on_tops_without_a_closed_form(mesh, top):
     contact = by_elements(top, SOFT, mesh)
     depths, loads = elastic(top, np.linspace(0.0, contact.radius, 501)[1:])
     assert contact.load == pytest.approx(loads[-1], rel=0.015)
     assert answer_of(contact).depth == pytest.approx(depths[-1], rel=0.015)
     assert (contact.pressure[:-1] > 0.0).all()
-    assert (np.diff(depths) >= 0.0).all()  # else a ring would touch outside before
+    comes_nearer = np.diff(depths) >= 0.0  # else a ring would touch outside before
+    assert comes_nearer.all() == (top is not TIP)
 
 
 def test_a_worn_sphere_is_a_sphere_that_has_sunk_by_its_flat(mesh):
@@ -79,6 +89,22 @@ def test_all_tops_bear_about_the_hardness_in_the_end(mesh, top):
     assert 2.6 < mean < 3.0
     assert contact.pressure.max() < 6.1 * contact.yield_stress
     assert contact.held_load == pytest.approx(contact.load, rel=1e-4)
+
+
+def test_a_cone_that_yields_is_like_itself_at_any_size(mesh):
+    """Its tip is blunted by the mesh, and that is soon forgotten: F ~ a^2 and d ~ a."""
+    body, found = Body(mesh, 0.13, 0.0, CONE.height), {}
+    state, r = body.start(), mesh.radius
+    for rings in range(2, int(np.abs(r - 1.0).argmin()) + 1):
+        state = advanced(body, state, rings)
+        a = r[rings] - EDGE * (r[rings] - r[rings - 1])
+        load = state.force[mesh.face[:rings]].sum()
+        found[a] = load / a**2, (state.depth + load / (math.pi * FAR)) / a
+    late = np.array([both for a, both in found.items() if a > 0.84])
+    assert len(late) > 5
+    assert late[:, 0] == pytest.approx(late[-1, 0], rel=4e-3)
+    assert late[:, 1] == pytest.approx(late[-1, 1], rel=1e-3)
+    assert late[-1, 0] < 0.6 * CLOSED[CONE][1]  # it yields
 
 
 @pytest.mark.parametrize("top", [PARABOLA, FOURTH], ids=lambda top: top.name)

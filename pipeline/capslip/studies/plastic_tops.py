@@ -1,6 +1,6 @@
 """Finite elements of tops that are no spheres and yield, beside boundary elements of their maps.
 
-`python -m capslip.studies.plastic_tops` prints the tables, in a quarter of an hour.
+`python -m capslip.studies.plastic_tops` prints the tables, in half an hour.
 
 What a map knows of metal that yields it has from finite elements of spheres
 (`capslip.contact.solvers.metal`, `capslip.contact.plastic_law`). Tops of a rough face are none.
@@ -19,6 +19,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -45,7 +46,7 @@ from capslip.surface.heightmap import HeightMap
 RINGS = 250
 OVERLOADS = (0.35, 0.7, 1.4, 3.0, 8.0)  # elastic mean pressure over H
 YIELDS = 0.5  # elastic mean pressure over Y, up to which the tops here stay elastic
-BUMPY = 3.0  # times the curvature of the sphere, that its bump adds: more would leave a moat open
+BUMP = 0.1  # height, where the sphere falls by a half
 PIXELS = 32  # along the radius of the contact by finite elements
 UNKNOWN = 100.0  # times less, that a value may be too: then it may be any
 OUTSIDE = 1.5  # of that radius, to where the map goes
@@ -73,10 +74,10 @@ def worn(r: np.ndarray) -> np.ndarray:
     return 0.5 * np.maximum(r**2 - 0.25, 0.0)
 
 
-def bumpy(r: np.ndarray, radius: float = 0.4) -> np.ndarray:
+def bumpy(r: np.ndarray, radius: float) -> np.ndarray:
     """Return the same of a sphere with a small bump upon it."""
     inside = np.maximum(1.0 - (r / radius) ** 2, 0.0)
-    return 0.5 * r**2 + 0.25 * BUMPY * radius**2 * (1.0 - inside**2)
+    return np.asarray(0.5 * r**2 + BUMP * (1.0 - inside**2))
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,9 @@ TOPS = (
     Top("r^4", fourth_power),
     Top("flat with a rim", rimmed, 0.5),
     Top("worn sphere", worn, 0.5),
-    Top("sphere with a bump", bumpy, 0.0, (0.35, 0.6, 1.0)),
+    Top("sphere with a bump", partial(bumpy, radius=0.4), 0.0, (0.35, 0.6, 1.0)),
+    # The sphere would touch around it before the ring between does, for one or two rings
+    Top("sphere with a tip", partial(bumpy, radius=0.2), 0.0, (0.25, 0.35, 0.5)),
 )
 
 
