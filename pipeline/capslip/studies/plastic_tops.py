@@ -247,9 +247,10 @@ def plastic_tops(
 
 
 def _cell(ratio: float, allowed: np.ndarray) -> str:
-    low, high = np.exp(allowed)
-    held = "" if low <= ratio <= high else " !"
-    said = f"{low:.2f} to {high:.2f}" if high < UNKNOWN * low else "any"
+    low, high = allowed
+    held = "" if low <= np.log(ratio) <= high else " !"
+    known = high - low < np.log(UNKNOWN)
+    said = f"{np.exp(low):.2f} to {np.exp(high):.2f}" if known else "any"
     return f"{ratio:.3f} ({said}){held}"
 
 
