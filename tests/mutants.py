@@ -192,7 +192,7 @@ TABLE = [
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
     (("contact/solvers/sinking.py",), ("tests/contact/test_*sinking*.py",)),
     (
-        ("contact/solvers/metal.py", "contact/plastic_law.py"),
+        ("contact/solvers/metal.py", "contact/solvers/withdrawn.py", "contact/plastic_law.py"),
         ("tests/contact/test_*plastic_law*.py", "tests/contact/test_*yielding_map*.py"),
     ),
     (

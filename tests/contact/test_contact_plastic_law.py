@@ -5,11 +5,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from test_contact_yielding_map import E as E_OF_METAL
+from test_contact_yielding_map import metal_unloading
 
 from capslip.analysis import analyze
 from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.interacting import interacting
 from capslip.contact.plastic_law import (
+    RADIUS_95,
     SHARES,
     UNLOADING_95,
     LawError,
@@ -19,9 +23,13 @@ from capslip.contact.plastic_law import (
 )
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import HertzCurve
+from capslip.contact.solvers.metal import OVER_HARDNESS
+from capslip.contact.solvers.withdrawn import withdrawn_together
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.problems import Problem
 from capslip.settings import load_settings
+from capslip.studies.faces.scenes import PAPER
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 
 R_M, PIXEL_M, POINTS, A_M, MU = 8e-3, 1e-6, 61, 12e-6, 0.2
@@ -144,18 +152,142 @@ def test_where_all_is_plastic_the_areas_agree_and_a_part_of_the_logarithm_is_ope
         assert law.half_95(share)[2, 1] == pytest.approx(-UNLOADING_95 * math.log(ratio), abs=0.02)
 
 
-def test_caps_that_yielded_are_expected_to_lose_what_finite_elements_do():
-    """Each by its own p0 / H, and by the load on it."""
-    over, load_N = np.array((0.3, 1.244)), np.array((3.0, 1.0))
-    assert law_of_caps(over[:1], load_N[:1], 1.0) is None
-    law = law_of_caps(over, load_N, 0.5)
-    (at_a_quarter, at_a_half, _), beyond = FINITE_ELEMENTS[1.244]
-    for share, ratio in ((0.25, at_a_quarter), (0.5, at_a_half)):
-        assert law.shift(share)[1] == pytest.approx(math.log(0.75 + 0.25 * ratio), abs=1e-3)
+def law_alone(over, load_N, radius_m):
+    """Return the law of caps that do not sink each other, whose curve is that of Hertz contacts."""
+    withdrawal, _ = withdrawn_together(np.zeros_like(over), load_N, radius_m, SHARES)
+    return law_of_caps(over, load_N, radius_m, None, withdrawal)
+
+
+@pytest.mark.parametrize("over_hardness", FINITE_ELEMENTS)
+def test_a_cap_that_yielded_is_expected_to_lose_what_finite_elements_do(over_hardness):
+    """And so are two equal ones, whatever their size; one that stays elastic is Hertz's."""
+    over, load_N, radius_m = np.array([over_hardness, 0.0]), np.array([3.0, 0.0]), np.ones(2)
+    assert law_alone(0.5 * over / over_hardness, load_N, radius_m) is None
+    law = law_alone(over, load_N, radius_m)
+    of_energy, beyond = FINITE_ELEMENTS[over_hardness]
+    for share, ratio in zip((0.25, 0.5, 0.75), of_energy, strict=True):
+        assert law.shift(share)[1] == pytest.approx(math.log(ratio), rel=0.06)
+        assert law.half_95(share)[2, 1] == pytest.approx(-UNLOADING_95 * law.shift(share)[1])
     of_hertz = 1.5 * (1.0 - 0.75 ** (2.0 / 3.0)) / 0.25  # displacement over that of the stiffness
     of_one = (1.0 + beyond * (of_hertz - 1.0)) / of_hertz
-    expected = 0.5 * math.log(0.75 + 0.25 * of_one)
-    assert law.shift(0.25)[0] == pytest.approx(expected, abs=3e-4)
+    assert law.shift(0.25)[0] == pytest.approx(math.log(of_one), abs=3e-3)
+    again = law_alone(over[[0, 0]], 7.0 * load_N[[0, 0]], 2.0 * radius_m)
+    assert np.array((again.energy, again.displacement)) == pytest.approx(
+        np.array((law.energy, law.displacement)), abs=1e-6
+    )
+
+
+def test_a_wider_contact_is_stiffer_and_loses_less():
+    """Of one: K as its radius, W as N^2 / (E* a)."""
+    law = law_alone(np.array([1.5]), np.ones(1), np.ones(1))
+    stiffer, less = law.half_95(0.1)[0]
+    assert less == pytest.approx(RADIUS_95, rel=1e-3)
+    assert stiffer == pytest.approx(RADIUS_95, rel=1e-3)
+    assert law.shift(0.1)[0] == pytest.approx(law.displacement[0])
+    none = law_alone(np.array([0.5, 0.7]), np.ones(2), np.ones(2)).half_95(0.1)[0]
+    assert 0.0 < none[0] < 0.25 * RADIUS_95
+
+
+UNLIKE = (
+    (np.array((1.45, 1.3, 0.8, 0.5, 0.2)), np.array((9.0, 7.0, 2.0, 0.4, 0.05))),
+    (np.array((3.4, 1.8, 1.5)), np.array((70.0, 16.0, 8.0))),
+)
+
+
+@pytest.mark.parametrize(("over", "load_N"), UNLIKE)
+def test_unlike_contacts_of_metal_are_withdrawn_by_the_same(over, load_N):
+    """Against each contact's own pressures by Abel's integral, and all of their sum looked up."""
+    a_m = 1e-3 * np.cbrt(load_N)
+    each = [
+        metal_unloading(max(o, OVER_HARDNESS[0]), N, a)
+        for o, N, a in zip(over, load_N, a_m, strict=True)
+    ]
+    x_m = np.linspace(0.0, max(e_m[-1] for e_m, *_ in each), 20001)
+    drop_N = sum(np.interp(x_m, e_m, drop) for e_m, drop, _ in each)
+    loss_J = sum(
+        np.interp(x_m, e_m, loss) + 4.0 * np.maximum(x_m - e_m[-1], 0.0) * drop[-1]
+        for e_m, drop, loss in each
+    )
+    withdrawal, loss = withdrawn_together(over, load_N, a_m, SHARES)
+    at = np.array(SHARES) * load_N.sum()
+    assert withdrawal / E_OF_METAL == pytest.approx(np.interp(at, drop_N, x_m), rel=2e-3)
+    assert loss / E_OF_METAL == pytest.approx(np.interp(at, drop_N, loss_J), rel=0.01)
+    # At the same share of its own load each would lose far less than finite elements say
+    law = law_alone(over, load_N, a_m)
+    of_each = [
+        law_alone(*(np.array([v]) for v in one)) for one in zip(over, load_N, a_m, strict=True)
+    ]
+    own = [0.0 if one is None else one.shift(0.25)[1] for one in of_each]
+    assert abs(law.shift(0.25)[1] - math.log(load_N @ np.exp(own) / load_N.sum())) > 0.1
+
+
+def test_elastic_contacts_that_sink_each_other_are_those_of_interacting_caps():
+    rng = np.random.default_rng(3)
+    x_m, y_m = rng.uniform(0.0, 0.03, (2, 12))
+    depth_m, radius_m = np.append(0.0, rng.uniform(0.0, 3e-7, 11)), rng.uniform(5.0, 30.0, 12)
+    curve = interacting(radius_m, depth_m, x_m, y_m, E)
+    d = curve.approach_m(300.0)
+    load_N = curve.asperity_loads_N(d)
+    a_m = np.cbrt(0.75 * load_N * radius_m / E)
+    pair_per_m = E * curve.pair_compliance_m_per_N
+    withdrawal, loss = withdrawn_together(np.zeros(12), load_N, a_m, SHARES, pair_per_m)
+    drop_N = np.array(SHARES) * 300.0
+    assert withdrawal / E == pytest.approx(curve.withdrawal_m(d, drop_N), rel=1e-4)
+    assert loss / E == pytest.approx(curve.loss_integral_at_drop_J(d, drop_N), rel=2e-3)
+
+
+def test_a_map_of_unlike_spheres_loses_what_contacts_of_metal_lose_together():
+    """One heavy contact that has yielded and two light ones, each of the area that the map has."""
+    pixel_m, a_m = 1e-6, 20e-6
+    y_m, x_m = (np.mgrid[:100, :200] + 0.3) * pixel_m
+    at_m = np.array(((50e-6, 45e-6, 0.0), (60e-6, 120e-6, 22e-9), (30e-6, 170e-6, 26e-9)))
+    spheres = [-(np.square(y_m - y) + np.square(x_m - x)) / (2 * R_M) - h for y, x, h in at_m]
+    surface = HeightMap(np.max(spheres, axis=0), (pixel_m, pixel_m))
+    load_N = 4.0 * E * a_m**3 / (3.0 * R_M)
+    hardness_Pa = 1.5 * load_N / (math.pi * a_m**2) / 1.4
+    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness_Pa)
+    pressed_map = curve.pressed(load_N)
+    each_N = pressed_map.region_loads_N
+    over = (
+        pressed_map.sum_over_regions(pressed_map.pressure_Pa * pressed_map.over_hardness) / each_N
+    )
+    assert each_N.size == 3
+    assert over.max() > 1.0
+    assert np.median(over) < 0.8
+    x_m, y_m = (
+        pressed_map.sum_over_regions(pressed_map.pressure_Pa * one) / each_N for one in (x_m, y_m)
+    )
+    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    np.fill_diagonal(apart_m, np.inf)
+    radius_m = pixel_m * np.sqrt(pressed_map.region_pixels / math.pi)
+    given = over, each_N, radius_m, (0.25, 0.5, 0.75), 1.0 / (math.pi * apart_m)
+    _, loss = withdrawn_together(*given)
+    drop_N = np.array((0.25, 0.5, 0.75)) * load_N
+    of_map_J = curve.loss_integral_at_drop_J(curve.approach_m(load_N), drop_N)
+    assert loss / E == pytest.approx(of_map_J, rel=0.06)
+    of_hertz = withdrawn_together(np.zeros(3), *given[1:])[1]
+    assert (of_hertz / E > 1.1 * of_map_J).all()
+
+
+@pytest.mark.parametrize("model", ["interacting", "caps"])
+def test_the_interval_of_caps_that_yield_lies_where_metal_loses(model):
+    """Whoever chose the caps: less energy than that of Hertz contacts, and as much as is stated."""
+    scene = Scene(shape=(100, 150), pixel_size_m=(4e-4, 4e-4), families=PAPER, seed=1)
+    surface, _ = synthetic_surface(scene)
+    given = "material.hardness_Pa=5e6", f"contact.model={model}"
+    found = analyze(surface, load_settings(overrides=given))
+    law = found.contact.moved.law
+    share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
+    less, (*_, (_, half)) = law.shift(share)[1], law.half_95(share)
+    assert -0.3 < less < -0.05
+    assert half == pytest.approx(UNLOADING_95 * abs(less))
+    low, high = found.band.interval["energy_J"]
+    of_hertz_J = found.answer.energy_J
+    if model == "interacting":
+        assert low < math.exp(less) * of_hertz_J < high
+        assert low < math.exp(less - 0.8 * half) * of_hertz_J
+        assert high == of_hertz_J
+    assert found.band.contributions["energy_J"]["plastic_law"] > 0.1
 
 
 def test_contacts_count_each_by_its_own_pressure():

@@ -297,6 +297,7 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
         by_level=curve(1.06, 2.0),
         yielded=0.1,
         of_contact=1.0,
+        law=None,
         of_profiles=lambda share: (0.01, 0.16 * share),
     )
     one = part(preload_N=120.0, composite=SimpleNamespace(kappa=1.6), curve=curve(1.03, 2.0))
@@ -380,6 +381,7 @@ def uneven_part(of_light, of_heavy, by_pairs=(0.0, 0.0), found=(0.0, 0.0)):
             by_level=None,
             yielded=0.0,
             of_contact=1.0,
+            law=None,
             of_profiles=lambda share: asked.update({load_N: share}) or (0.0, 0.0),
         )
         composite = SimpleNamespace(kappa=1.25)

@@ -102,7 +102,8 @@ def _of_law(state: State, contact: ContactState, share: float) -> tuple[np.ndarr
 
 def _law_at_force(contact: ContactState, share: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the same at a given share of mu N."""
-    law = None if contact.errors is None else contact.errors.law
+    of = contact.errors if contact.moved is None else contact.moved
+    law = None if of is None else of.law
     if law is None:
         return np.zeros(2), np.zeros((0, 2))
     return np.array(law.shift(share)), law.half_95(share)
