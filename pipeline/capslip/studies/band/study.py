@@ -9,10 +9,12 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from capslip.analysis import analyze
+from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.interacting import RUNG as INTERACTING
 from capslip.contact.plastic_law import LawError, law_of_map
@@ -57,7 +59,8 @@ def held(
     clock = Clock()
     # Nobody asks what is doubtful of the truth, which takes as long as to find it
     pressed, _, slip = press_face(find_face(fine, exact, None, clock), exact, clock)
-    true = _numbers(slip) * _by_law(law_of_map(pressed.curve, pressed.preload_N))
+    curve = cast(BoundaryElementCurve, pressed.curve)
+    true = _numbers(slip) * _by_law(law_of_map(curve, pressed.preload_N))
     for repeat in range(repeats):
         noise = np.random.default_rng([seed, repeat]).normal(0.0, noise_m, face.shape)
         analysis = analyze(replace(face, height_m=face.height_m + noise), settings)
