@@ -1,6 +1,7 @@
 """The plastic law of a pressed map and of caps, against finite elements of one sphere."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.interacting import interacting
 from capslip.contact.plastic_law import (
+    ENERGY,
     RADIUS_95,
     SHARES,
     UNLOADING_95,
@@ -23,7 +25,8 @@ from capslip.contact.plastic_law import (
 )
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import HertzCurve
-from capslip.contact.solvers.metal import OVER_HARDNESS
+from capslip.contact.solvers.metal import OVER_HARDNESS, parts_of
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.withdrawn import withdrawn_together
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.problems import Problem
@@ -314,3 +317,59 @@ def test_it_is_said_where_it_counts():
     (_, near) = with_law([other], law, 0.25, 0.1)
     assert "near the hardness" in near.message
     assert with_law([other, yielded], None, 0.25, 0.01) == [other, yielded]
+
+
+# Elastic tops r^n: pressures whose mean, weighed by them, is 0.75 p0 of a sphere of this p0 / H,
+# over that of the sphere whose heights have the same rms in the contact
+TOPS = {
+    1: math.log(2.0) / 0.75 / (8.0 * math.sqrt(3.0) / math.pi / math.sqrt(18.0)),
+    2: 1.0,
+    4: (64.0 / (15.0 * math.pi) * 1.25 / 1.2 / 0.75)
+    / (8.0 * math.sqrt(3.0) / math.pi * math.sqrt(4.0 / 45.0)),
+}
+
+
+def top_of(power, E_over_H):
+    """Return a top 40 pixels wide and as high as its contact there, with a load and a hardness."""
+    at = np.abs((np.arange(64) - 31.6) / 20.0)
+    r = np.hypot(at[:, None], at)
+    return HeightMap(-PIXEL_M * r**power, (PIXEL_M, PIXEL_M)), E / E_over_H
+
+
+@pytest.mark.parametrize("power", TOPS)
+def test_how_blunt_a_top_is_tells_the_closed_form(power):
+    surface, hardness_Pa = top_of(power, {1: 40.0, 2: 30.0, 4: 15.0}[power])
+    face = elastic_face(surface, E)
+    state = press(face, approach_m=PIXEL_M * {1: 1.57, 2: 2.0, 4: 8 / 3}[power], tolerance=1e-8)
+    parts = parts_of(replace(face, hardness_Pa=1e3 * E), state)
+    assert parts.blunt == pytest.approx([TOPS[power]], rel=0.03)
+    # It yields: a blunter top is expected to lose less than the map says, a pointed one more
+    load_N = state.load_N
+    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness_Pa)
+    law = law_of_map(curve, load_N)
+    over = curve.pressed(load_N).over_hardness.max()
+    assert over > 1.2
+    alike = np.log([np.interp(over, OVER_HARDNESS, row) for row in ENERGY])
+    of_form = np.array(law.energy) - np.array(law.displacement)
+    if power == 2:
+        assert np.abs(of_form).max() < 0.02
+        assert law.left_open == pytest.approx(-UNLOADING_95 * alike, rel=0.02)
+    else:
+        assert (np.sign(of_form) == (1 if power == 1 else -1)).all()
+        assert np.abs(of_form).min() > 0.02
+        assert (law.left_open > -UNLOADING_95 * alike).all()
+
+
+def test_what_areas_move_counts_as_contacts_are_withdrawn_together():
+    """Light contacts that have not yielded lose most: wider heavy ones leave them less to lose."""
+    load_N, hardness_Pa, _ = pressed(1.4)
+    tops = [sphere().height_m, sphere().height_m / 2.0 - 1.2e-8, sphere().height_m / 3.0 - 1.5e-8]
+    surface = HeightMap(np.hstack(tops), (PIXEL_M, PIXEL_M))
+    curve = boundary_elements(surface, E, preload_N=1.5 * load_N, hardness_Pa=hardness_Pa)
+    law = law_of_map(curve, 1.5 * load_N)
+    displacement, energy = law.shift(0.25)
+    assert law.stiffness > 0.0
+    assert displacement < 0.0
+    assert energy < 1.2 * displacement
+    of_radius = law.half_95(0.25)[0]
+    assert of_radius == pytest.approx(0.7 * np.abs((displacement, energy)), rel=0.05)

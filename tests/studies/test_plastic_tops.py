@@ -125,7 +125,7 @@ def test_an_elastic_map_says_what_the_closed_form_does(top):
 
 
 def test_what_is_stated_lies_about_what_the_law_expects():
-    law = LawError(0.1, (0.02,) * 4, (-0.3,) * 4, (0.4,) * 4, "it touches more")
+    law = LawError(0.1, (0.02,) * 4, (-0.3,) * 4, (0.4,) * 4, "it touches more", ((0.07,) * 4,) * 2)
     stiffness, energy = stated(ModelError(0.03, 0.2, law=law))
     wide = math.hypot(0.03, 0.7 * 0.1, 0.25 * 0.02)
     assert stiffness == pytest.approx(np.tile([-0.08 - wide, -0.08 + wide], (4, 1)))

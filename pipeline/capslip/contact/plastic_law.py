@@ -9,6 +9,7 @@ import numpy as np
 from capslip.contact.bulk import bulk_of_face_m_per_N, share_of_contact
 from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.solvers.metal import OVER_HARDNESS
+from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.withdrawn import withdrawn_together
 from capslip.problems import Effect, Problem, Severity
 from capslip.units import percent
@@ -27,9 +28,15 @@ ENERGY = (
     (1.0, 0.957, 0.843, 0.724, 0.612, 0.564, 0.482, 0.387, 0.347, 0.344),
     (1.0, 0.942, 0.823, 0.73, 0.655, 0.612, 0.547, 0.478, 0.451, 0.468),
 )
-# Of what each of these moves, in logarithms, at 95 %: that metals harden, by a modulus of 2 % of
-# Young's, moves the energies by a tenth of it
-STIFFNESS_95, UNLOADING_95 = 0.7, 0.25
+# Of what areas and unloading move, in logarithms, at 95 %: that metals harden, by a modulus of 2 %
+# of Young's, moves the energies by a tenth of it
+AREA_95, UNLOADING_95 = 0.7, 0.25
+# Of the stiffness where all is plastic: the mean pressure is 2.7 to 2.9 Y there, and H 2.8 Y
+HARD_95, HARD_AT = 0.025, (2.0, 4.0)
+# By the finite elements of tops that are no spheres: the power of how blunt one is, and the p0 / H
+# between which it comes in; of what that moves, in logarithms, at 95 %
+BLUNT, BLUNT_AT, FORM_95 = 1.5, (0.85, 1.25), 1.0
+_MOST_TOGETHER = 200  # contacts that are withdrawn together
 # Of the radius of a cap that has yielded: finite elements of others have 2 % more or less, those of
 # `docs/theory.md` up to 1.8 % more
 RADIUS_95 = 0.03
@@ -50,9 +57,8 @@ class LawError:
     energy: tuple[float, ...]  # at the same stiffness, at each of `shares`
     left_open: tuple[float, ...]  # of the energy, on either side at 95 %
     because: str  # in plain words
-    # By how much displacement and energy go with the radii of what yielded, at 95 %, at each of
-    # `shares`
-    wider: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,) * len(SHARES),) * 2
+    # Of displacement and energy, on either side at 95 %, by how wide what yielded is
+    of_radius: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,) * len(SHARES),) * 2
     shares: ClassVar[tuple[float, ...]] = SHARES  # of mu N
 
     def shift(self, share: float) -> tuple[float, float]:
@@ -65,11 +71,10 @@ class LawError:
 
     def half_95(self, share: float) -> np.ndarray:
         """Return what is left open on either side of that at 95 %, of causes by (2,)."""
-        of_area = STIFFNESS_95 * self.stiffness
-        wider = [of_area - self._at(share, one) for one in self.wider]
+        of_radius = [self._at(share, one) for one in self.of_radius]
         displacement = UNLOADING_95 * self._at(share, self.displacement)
         left_open = self._at(share, self.left_open)
-        return np.array((wider, (displacement, 0.0), (0.0, left_open)))
+        return np.array((of_radius, (displacement, 0.0), (0.0, left_open)))
 
     def errors(self, share: float) -> tuple[float, float]:
         """Return relative errors of stiffness and energy at a share of mu N: to what is expected.
@@ -90,9 +95,11 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
 
     The map clips pressures at the hardness. Finite elements of spheres yield below their surface
     before that, and are wider at the same load from p0 = 0.8 H on (Jackson and Green 2005, with
-    whom Kogut and Etsion 2002 agree within 4 %, and those of `docs/theory.md` within 3 %). How they
-    unload the map knows (`metal_pressure_Pa`), as well as they know it of metal. Each contact
-    counts by its own p0 / H, the stiffness by the radii, the energy by the loads.
+    whom Kogut and Etsion 2002 agree within 4 %, and those of `docs/theory.md` within 3 %). What
+    that moves is found with the heaviest contacts, round, withdrawn together as they are and as
+    wide as metal is. How they unload the map knows (`metal_pressure_Pa`), as well as finite
+    elements of spheres know it of metal; tops that are blunter unload as those that have yielded
+    more, by finite elements of such (`studies/plastic_tops.py`), pointed ones as less.
 
     Parameters
     ----------
@@ -102,16 +109,59 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     load_N : float
     """
     pressed = curve.pressed(load_N)
-    if pressed.over_hardness is None or (pressed.over_hardness <= OVER_HARDNESS[0]).all():
+    over, blunt = pressed.over_hardness, pressed.blunt
+    if over is None or blunt is None or (over <= OVER_HARDNESS[0]).all():
         return None
-    weighed_N = pressed.sum_over_regions(pressed.pressure_Pa * pressed.over_hardness)
-    over = weighed_N / pressed.region_loads_N
-    radius = np.sqrt(pressed.region_pixels)
-    of_metal = radius / np.interp(over, MAP_AT, STIFFNESS)
-    stiffness = of_contact(curve, load_N) * math.log(of_metal.sum() / radius.sum())
-    left_open = tuple(-UNLOADING_95 * one for one in _logs(ENERGY, over, pressed.region_loads_N))
-    none = (0.0,) * len(SHARES)
-    return LawError(stiffness, none, none, left_open, WIDER)
+    share, each_N = of_contact(curve, load_N), pressed.region_loads_N
+    each = pressed.sum_over_regions(pressed.pressure_Pa * over) / each_N
+    radius_m = np.sqrt(pressed.region_pixels * math.prod(pressed.pixel_size_m) / math.pi)
+    of_metal_m = radius_m / np.interp(each, MAP_AT, STIFFNESS)
+    stiffness = share * math.log(of_metal_m.sum() / radius_m.sum())
+    heavy = np.sort(np.argsort(-each_N, kind="stable")[:_MOST_TOGETHER])
+    pair_per_m = _pairs_per_m(pressed)[np.ix_(heavy, heavy)] if heavy.size > 1 else None
+    (was, lost), (moves, loses) = (
+        withdrawn_together(each[heavy], each_N[heavy], one[heavy], SHARES, pair_per_m)
+        for one in (radius_m, of_metal_m)
+    )
+    displacement, energy = share * np.log(moves / was), np.log(loses / lost)
+    as_high = _energies(over, pressed.pressure_Pa)
+    of_form = _energies(_as_it_unloads(over, blunt), pressed.pressure_Pa) - as_high
+    sure = np.interp(each, HARD_AT, (0.0, HARD_95)) @ each_N / each_N.sum()
+    return LawError(
+        stiffness,
+        _each(displacement + stiffness),
+        _each(energy + of_form + stiffness),
+        _each(np.hypot(UNLOADING_95 * as_high, FORM_95 * of_form)),
+        WIDER,
+        (_each(np.hypot(AREA_95 * displacement, sure)), _each(np.hypot(AREA_95 * energy, sure))),
+    )
+
+
+def _pairs_per_m(pressed: Pressed) -> np.ndarray:
+    """Return by how much loads on contacts of a map sink it at the others, times E*, (n, n)."""
+    dy_m, dx_m = pressed.pixel_size_m
+    ny, nx = pressed.pressure_Pa.shape
+    places_m = np.arange(nx) * dx_m, np.arange(ny)[:, None] * dy_m
+    x_m, y_m = (
+        pressed.sum_over_regions(pressed.pressure_Pa * at) / pressed.region_loads_N
+        for at in places_m
+    )
+    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    np.fill_diagonal(apart_m, np.inf)
+    return 1.0 / (math.pi * apart_m)
+
+
+def _as_it_unloads(over: np.ndarray, blunt: np.ndarray) -> np.ndarray:
+    """Return p0 / H of the sphere that unloads as a top does."""
+    return over * blunt ** np.interp(over, BLUNT_AT, (0.0, BLUNT))
+
+
+def _energies(over: np.ndarray, pressure_Pa: np.ndarray) -> np.ndarray:
+    """Return the logarithms of means of `ENERGY` over the pressures, one for each row."""
+    touching = pressure_Pa > 0.0
+    over, load = over[touching], pressure_Pa[touching]
+    each = [np.interp(over, OVER_HARDNESS, row) @ load / load.sum() for row in ENERGY]
+    return np.log(each)
 
 
 def law_of_caps(
@@ -154,20 +204,12 @@ def law_of_caps(
         _each(energy - of_hertz),
         _each(np.abs(UNLOADING_95 * (energy - of_hertz))),
         FLATTER,
-        (_each(wider - displacement), _each(energy_wider - energy)),
+        (_each(displacement - wider), _each(energy - energy_wider)),
     )
 
 
 def _each(values: np.ndarray) -> tuple[float, ...]:
     return tuple(values.tolist())
-
-
-def _logs(
-    rows: tuple[tuple[float, ...], ...], over: np.ndarray, load_N: np.ndarray
-) -> tuple[float, ...]:
-    """Return the logarithms of means over the loads at p0 / H, one for each row."""
-    each = (load_N @ np.interp(over, OVER_HARDNESS, row) / load_N.sum() for row in rows)
-    return tuple(math.log(one) for one in each)
 
 
 def of_contact(curve: BoundaryElementCurve, load_N: float) -> float:

@@ -39,6 +39,11 @@ PRESSURE_AT = (0.0, 1.0, 1.05, 1.1, 1.15, 1.25, 1.35)
 SUNK = (0.0, 0.0064, 0.0449, 0.162, 0.312, 0.4785, 0.84, 1.239, 2.137, 4.284, 6.826, 12.89, 28.23)
 SUNK_AT = (1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)
 _BY_PRESSURE, _BY_DEPTH = 0.86, 0.92  # of that mean pressure
+# How high it stands in its contact: the rms of its heights about their mean, over its radius and
+# H / E*, times 8 sqrt(3) / pi, which is p0 / H of an elastic one
+HEIGHT = (0.0, 1.0, 1.104, 1.267, 1.574, 1.93, 2.33, 3.24, 4.25, 6.54, 12.0, 18.5, 33.9, 73.0)
+HEIGHT_AT = (0.0, 1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)
+_MOST_BLUNT = 1.5
 _SLENDER = 1.25  # of how far the middle of a part is from the edge: its radius at most, by its area
 
 
@@ -53,6 +58,7 @@ class Parts:
     radius_m: np.ndarray  # (k,)
     load_Pa: np.ndarray  # (k,), sum of the pressures
     over_hardness: np.ndarray  # (k,), p0 / H
+    blunt: np.ndarray  # (k,), that over p0 / H of the sphere that is as high in its contact
 
 
 def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pressed]:
@@ -77,7 +83,7 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
     """
     yielded, sunk_m = pressed.pressure_Pa >= face.hardness_Pa, sunk_for_good_m(face, pressed)
     gap_m = pressed.gap_m + sunk_m
-    pressure_Pa, over_hardness = metal_pressure_Pa(face, pressed)
+    pressure_Pa, over_hardness, blunt = metal_pressure_Pa(face, pressed)
     if pressure_Pa is not pressed.pressure_Pa:
         sunk_m = sunk_m + face.half_space.sinking_m(pressed.pressure_Pa - pressure_Pa)
     lower_m = float(np.min(face.depth_m + sunk_m, where=face.measured, initial=np.inf))
@@ -88,6 +94,7 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
         approach_m=pressed.approach_m - lower_m,
         yielded=yielded,
         over_hardness=over_hardness,
+        blunt=blunt,
         bounded_Pa=pressed.max_pressure_Pa,
     )
     return face.flattened(sunk_m), left
@@ -99,8 +106,8 @@ def sunk_for_good_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     return np.where(yielded, np.maximum(-pressed.gap_m, 0.0), 0.0)
 
 
-def metal_pressure_Pa(face: ElasticFace, pressed: Pressed) -> tuple[np.ndarray, np.ndarray]:
-    """Return pressures as metal has them after a first load, and p0 / H where each point lies.
+def metal_pressure_Pa(face: ElasticFace, pressed: Pressed) -> tuple[np.ndarray, ...]:
+    """Return pressures as metal has them after a first load, and what the parts of contacts are.
 
     One bound on the pressures gives the area of a contact, but not where in it the load is: metal
     yields below its surface before, and is flatter in its middle then, and where the bound makes a
@@ -118,16 +125,19 @@ def metal_pressure_Pa(face: ElasticFace, pressed: Pressed) -> tuple[np.ndarray, 
 
     Returns
     -------
-    float64, float64, of the shape of the face each
-        The second is 0 where there is no contact, and where none of the face is near its hardness.
+    float64, three of the shape of the face
+        Pressures; and `Parts.over_hardness` and `Parts.blunt` where each point lies, 0 and 1 where
+        there is no contact, and where none of the face is near its hardness.
     """
-    over_hardness, found_Pa = np.zeros(face.shape), pressed.pressure_Pa
+    over_hardness, blunt = np.zeros(face.shape), np.ones(face.shape)
+    found_Pa = pressed.pressure_Pa
     if pressed.max_pressure_Pa <= OVER_HARDNESS[0] * face.hardness_Pa:
-        return found_Pa, over_hardness
+        return found_Pa, over_hardness, blunt
     parts = parts_of(face, pressed)
     part, pressure_Pa = parts.part, found_Pa.reshape(-1)[parts.at]
     over = parts.over_hardness[part]
     over_hardness.reshape(-1)[parts.at] = over
+    blunt.reshape(-1)[parts.at] = parts.blunt[part]
     inside = parts.to_edge_m / parts.widest_m[part]
     place = inside * (2.0 - inside)
     hertz_Pa = 1.5 * (parts.load_Pa / np.bincount(part))[part] * np.sqrt(place)
@@ -139,7 +149,7 @@ def metal_pressure_Pa(face: ElasticFace, pressed: Pressed) -> tuple[np.ndarray, 
     metal_Pa *= (parts.load_Pa / np.bincount(part, weights=metal_Pa))[part]
     found_Pa = found_Pa.copy()
     found_Pa.reshape(-1)[parts.at] = metal_Pa
-    return found_Pa, over_hardness
+    return found_Pa, over_hardness, blunt
 
 
 def parts_of(face: ElasticFace, pressed: Pressed) -> Parts:
@@ -173,7 +183,13 @@ def parts_of(face: ElasticFace, pressed: Pressed) -> Parts:
     by_depth = np.clip((even - _BY_PRESSURE) / (_BY_DEPTH - _BY_PRESSURE), 0.0, 1.0)
     over = (1.0 - by_depth) * np.interp(even, PRESSURE, PRESSURE_AT)
     over += by_depth * np.interp(sunk, SUNK, SUNK_AT)
-    return Parts(at, part, to_edge_m, widest_m, radius_m, load_Pa, over)
+    height_m = face.depth_m.reshape(-1)[at]
+    mean_m = np.bincount(part, weights=height_m) / n_points
+    rms_m = np.sqrt(np.bincount(part, weights=np.square(height_m - mean_m[part])) / n_points)
+    high = 8.0 * np.sqrt(3.0) / np.pi * rms_m / radius_m * (face.E_star_Pa / face.hardness_Pa)
+    blunt = over / np.maximum(np.interp(high, HEIGHT, HEIGHT_AT), over / _MOST_BLUNT)
+    blunt = np.maximum(blunt, 1.0 / _MOST_BLUNT)
+    return Parts(at, part, to_edge_m, widest_m, radius_m, load_Pa, over, blunt)
 
 
 def _of_metal(over: np.ndarray, place: np.ndarray) -> np.ndarray:

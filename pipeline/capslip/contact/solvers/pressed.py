@@ -37,6 +37,7 @@ class Pressed:
     turns: bool = False  # whether the face turned freely, so that the resultant is where it must be
     yielded: np.ndarray | None = None  # where a first load left the hardness; None: it was not yet
     over_hardness: np.ndarray | None = None  # see `metal_pressure_Pa`
+    blunt: np.ndarray | None = None  # the same
     bounded_Pa: float | None = None  # the greatest pressure then, at most the hardness
 
     @property
