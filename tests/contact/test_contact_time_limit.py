@@ -191,7 +191,8 @@ def test_the_load_at_an_approach_is_sought_within_one_limit(monkeypatch):
     assert len(free.approach_m) > 2  # solutions, none of which takes half of it
     said, ended_s, _ = searched(0.7 * took_s)
     assert "contact.time_limit_s was over; allow more" in said
-    assert ended_s <= 0.7 * took_s + 3.0
+    # One that has begun has its least, and looks at the clock once more
+    assert ended_s <= 0.7 * took_s + polonsky_keer._LEAST_S + 1.0
     assert searched(1.5 * took_s)[0] == load_N
     assert searched(1e-9)[1] < 0.5 * took_s  # the first has some seconds, and no other begins
 

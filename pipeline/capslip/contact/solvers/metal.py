@@ -152,7 +152,7 @@ def metal_pressure_Pa(face: ElasticFace, pressed: Pressed) -> tuple[np.ndarray, 
     return found_Pa, over_hardness, blunt
 
 
-def parts_of(face: ElasticFace, pressed: Pressed) -> Parts:
+def parts_of(face: ElasticFace, pressed: Pressed, group: np.ndarray | None = None) -> Parts:
     """Return the parts of contacts, and p0 / H of each.
 
     It is that of the sphere that bears its load as evenly, or, where the pressure is the hardness
@@ -165,11 +165,15 @@ def parts_of(face: ElasticFace, pressed: Pressed) -> Parts:
         With its hardness.
     pressed : Pressed
         Its state under the first load.
+    group : int, of the shape of the face, optional
+        What else to take for a part: the points of each number there, from 0 on.
     """
     at = np.flatnonzero(pressed.pressure_Pa)
     pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
     sunk_m = sunk_for_good_m(face, pressed).reshape(-1)[at]
     to_edge_m, part = _parts(face, at)
+    if group is not None:
+        part = group.reshape(-1)[at]
     n_points, load_Pa = np.bincount(part), np.bincount(part, weights=pressure_Pa)
     widest_m = np.zeros(n_points.size)
     np.maximum.at(widest_m, part, to_edge_m)

@@ -12,13 +12,7 @@ from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import SINGLE, alone_on, around_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
-from capslip.contact.solvers.sinking import (
-    MOST_TURNS,
-    moved_share,
-    settled,
-    sinks_deeper_m,
-    sunk_in,
-)
+from capslip.contact.solvers.sinking import sunk_in
 from capslip.contact.solvers.starts import Known, start_Pa
 
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
@@ -126,23 +120,21 @@ def _sunk_in(
     """
     if math.isinf(alone.hardness_Pa):
         return alone, state, 0.0
-    sunk: ElasticFace = alone
-    before_m, last, lower_m = known_m, math.inf, 0.0
-    for _ in range(MOST_TURNS):
-        found_m = sinks_deeper_m(alone, state)
-        moved = moved_share(found_m, before_m, state)
-        if settled(moved, last):
-            break
-        before_m, last, further_m = found_m, moved, found_m - known_m
-        sunk, lower_m = alone.lowered(further_m), float((alone.depth_m + further_m).min())
-        state = press(
-            sunk,
+    as_found = replace(alone, depth_m=alone.depth_m - known_m)
+
+    def again(face: ElasticFace, near: Pressed) -> Pressed:
+        return press(
+            face,
             load_N=state.load_N,
             tolerance=tolerance,
-            start_Pa=state.pressure_Pa,
+            start_Pa=near.pressure_Pa,
             sinks_once=True,
         )
-    return sunk, state, lower_m
+
+    again_state, deeper_m = sunk_in(as_found, state, again, known_m)
+    assert deeper_m is not None
+    lower_m = float((as_found.depth_m + deeper_m).min())
+    return as_found.lowered(deeper_m), again_state, lower_m
 
 
 def loaded_anew(

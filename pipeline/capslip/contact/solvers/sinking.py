@@ -20,7 +20,7 @@ DEEPER = np.array(
 ).ravel()
 _SETTLED = 1e-4  # of what contacts sink deeper, that a turn still moves, over the loads
 _NEARLY, _LESS = 0.05, 0.5  # from where on that must fall by so much
-MOST_TURNS = 8
+_MOST_TURNS = 8
 _TINY = 1e-300
 
 
@@ -57,36 +57,33 @@ def sunk_in(
     if deeper_m is None and pressed.max_pressure_Pa <= DEEPER_AT[0] * face.hardness_Pa:
         return pressed, None
     known_m = np.zeros(face.shape) if deeper_m is None else deeper_m
-    last = math.inf
-    for _ in range(MOST_TURNS):
-        found_m = sinks_deeper_m(face, pressed)
-        moved = moved_share(found_m, known_m, pressed)
-        if settled(moved, last):
+    contact, last, part = None, math.inf, 1.0
+    for _ in range(_MOST_TURNS):
+        found_m, contact = sinks_deeper_m(face, pressed, contact)
+        moved = _moved(found_m, known_m, pressed)
+        if moved <= _SETTLED or (moved <= _NEARLY and moved > _LESS * last):
             break
-        known_m, last = found_m, moved
+        if moved > last:
+            part *= 0.5  # it swings to and fro
+        known_m, last = known_m + part * (found_m - known_m), moved
         pressed = again(face.lowered(known_m), pressed)
     return pressed, known_m
 
 
-def moved_share(found_m: np.ndarray, known_m: np.ndarray, pressed: Pressed) -> float:
+def _moved(found_m: np.ndarray, known_m: np.ndarray, pressed: Pressed) -> float:
     """Return how much what contacts sink deeper has moved, over itself and weighed by pressures."""
     load = pressed.pressure_Pa
     moved, most = (float((load * np.abs(one)).sum()) for one in (found_m - known_m, found_m))
     return moved / max(most, _TINY)
 
 
-def settled(moved: float, last: float) -> bool:
-    """Tell whether a turn has moved next to nothing, or little and no less than the one before.
-
-    Contacts that touch in a bridge of few points now and then leave such a rest.
-    """
-    return moved <= _SETTLED or (moved <= _NEARLY and moved > _LESS * last)
-
-
-def sinks_deeper_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+def sinks_deeper_m(
+    face: ElasticFace, pressed: Pressed, before: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return how much deeper each contact sinks than the bound on its pressures tells.
 
-    Each of its parts as a sphere does; of the contact the mean over their loads.
+    Contacts that touch each other as they grow stay what they were, and new ones come: else what is
+    one contact in a turn and two in the next would never settle.
 
     Parameters
     ----------
@@ -94,35 +91,48 @@ def sinks_deeper_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
         A map or points of one, with its hardness.
     pressed : Pressed
         Its state under the first load.
+    before : int, of the shape of the face, optional
+        Where which contact was, from 1 on, 0 for none.
 
     Returns
     -------
-    float64, of the shape of the face
-        At each point that of the contact that is nearest.
+    float64, int, of the shape of the face
+        At each point that of the contact that is nearest; and where which contact is.
     """
-    parts, belongs = parts_of(face, pressed), _nearest_contact(face, pressed)
+    touching = pressed.pressure_Pa > 0.0
+    contact = _contacts(face, pressed, touching)
+    if before is not None:
+        known = np.zeros(contact.max() + 1, dtype=bool)
+        known[contact[before > 0]] = True
+        kept = np.where(touching, before, 0)
+        contact = np.where(known[contact] | ~touching, kept, contact + before.max())
+        contact = np.unique(contact, return_inverse=True)[1].reshape(contact.shape)
+    belongs = contact.reshape(-1)[_nearest(face, contact > 0)]
+    parts = parts_of(face, pressed, belongs - 1)
     deeper = np.interp(parts.over_hardness, DEEPER_AT, DEEPER)
     deeper_m = parts.radius_m * face.hardness_Pa / face.E_star_Pa * deeper
-    number, load_Pa = belongs.reshape(-1)[parts.at], pressed.pressure_Pa.reshape(-1)[parts.at]
-    of_load, weighed = (
-        np.bincount(number, weights=one) for one in (load_Pa, load_Pa * deeper_m[parts.part])
-    )
-    return np.asarray((weighed / np.maximum(of_load, 1e-300))[belongs])
+    return deeper_m[belongs - 1], np.where(touching, belongs, 0)
 
 
-def _nearest_contact(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Return the number of the contact that is nearest to each point, of the shape of the face."""
-    if pressed.pressure_Pa.ndim == 2:
+def _contacts(face: ElasticFace, pressed: Pressed, touching: np.ndarray) -> np.ndarray:
+    """Return the number of the contact of each point, from 1 on, 0 for none."""
+    if touching.ndim == 2:
+        return pressed.region
+    contact = np.zeros(touching.size, dtype=int)
+    contact[touching] = contacts_of(face, np.flatnonzero(touching))
+    return contact
+
+
+def _nearest(face: ElasticFace, points: np.ndarray) -> np.ndarray:
+    """Return the flat index of the point that is nearest of some, of the shape of the face."""
+    if points.ndim == 2:
         from scipy.ndimage import distance_transform_edt
 
-        region = pressed.region
-        at = distance_transform_edt(
-            region == 0, face.pixel_size_m, return_distances=False, return_indices=True
+        row, column = distance_transform_edt(
+            ~points, face.pixel_size_m, return_distances=False, return_indices=True
         )
-        return np.asarray(region[tuple(at)])
+        return np.asarray(row * face.shape[1] + column)
     from scipy.spatial import cKDTree
 
-    at = np.flatnonzero(pressed.pressure_Pa)
-    place_m = np.transpose(face.places_m)
-    _, nearest = cKDTree(place_m[at]).query(place_m)
-    return contacts_of(face, at)[nearest]
+    at, place_m = np.flatnonzero(points), np.transpose(face.places_m)
+    return np.asarray(at[cKDTree(place_m[at]).query(place_m)[1]])
