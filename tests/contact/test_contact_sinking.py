@@ -117,6 +117,30 @@ def test_points_alone_sink_as_those_of_their_map_do():
     assert of_points_m == pytest.approx(alone.gathered(of_map_m), rel=1e-12)
 
 
+@pytest.mark.parametrize("grown", [False, True])
+def test_contacts_that_grow_into_one_another_stay_what_they_were(grown):
+    """Unlike ones, of which two touch each other in the next turn, and all points alone touch."""
+    surface = spheres([R_M, 0.3 * R_M], [0.0, 0.0], 1.5e-6)
+    face = replace(elastic_face(surface, E), hardness_Pa=hertz(1.0)[1] / 1.5)
+    pressed = press(face, load_N=1.5, tolerance=1e-8)
+    of_map_m, contact = sinks_deeper_m(face, pressed)
+    assert len(np.unique(contact)) == 3
+    if grown:  # a bridge that bears next to nothing
+        bridge = np.where((np.arange(72) == 36)[:, None] & (pressed.pressure_Pa == 0.0), 1.0, 0.0)
+        found = replace(pressed, pressure_Pa=pressed.pressure_Pa + bridge)
+        assert found.region.max() == 1
+        again_m, _ = sinks_deeper_m(face, found, contact)
+        tops = (36, 36), (36, 108)
+        assert [again_m[at] for at in tops] == pytest.approx([of_map_m[at] for at in tops], rel=0.3)
+        return
+    alone = in_contact_alone(face, pressed.pressure_Pa)
+    given = {"pressure_Pa": pressed.pressure_Pa, "gap_m": pressed.gap_m}
+    state = replace(pressed, **{name: alone.gathered(one) for name, one in given.items()})
+    again_m, same = sinks_deeper_m(alone, state, alone.gathered(contact))
+    assert (same == alone.gathered(contact)).all()
+    assert again_m == pytest.approx(alone.gathered(of_map_m), rel=1e-12)
+
+
 def test_a_lowered_face_counts_from_its_own_first_touch():
     face = elastic_face(spheres([R_M], [0.0], 1.5e-6, n=8), E)
     assert face.lowered(np.zeros(face.shape)) is face

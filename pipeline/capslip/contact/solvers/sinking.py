@@ -106,7 +106,8 @@ def sinks_deeper_m(
         known[contact[before > 0]] = True
         kept = np.where(touching, before, 0)
         contact = np.where(known[contact] | ~touching, kept, contact + before.max())
-        contact = np.unique(contact, return_inverse=True)[1].reshape(contact.shape)
+        _, number = np.unique(np.append(0, contact), return_inverse=True)
+        contact = number[1:].reshape(contact.shape)
     belongs = contact.reshape(-1)[_nearest(face, contact > 0)]
     parts = parts_of(face, pressed, belongs - 1)
     deeper = np.interp(parts.over_hardness, DEEPER_AT, DEEPER)
