@@ -19,6 +19,7 @@ from capslip.contact.plastic_law import (
     SHARES,
     UNLOADING_95,
     LawError,
+    _pairs_per_m,
     law_of_caps,
     law_of_map,
     with_law,
@@ -373,3 +374,29 @@ def test_what_areas_move_counts_as_contacts_are_withdrawn_together():
     assert energy < 1.2 * displacement
     of_radius = law.half_95(0.25)[0]
     assert of_radius == pytest.approx(0.7 * np.abs((displacement, energy)), rel=0.05)
+
+
+def nested(n=41):
+    """Return a round top within a ring, and two ridges side by side."""
+    y, x = (np.mgrid[:n, :n] - (n - 1) / 2) * PIXEL_M
+    r = np.hypot(x, y)
+    ring = -np.minimum(np.square(r), np.square(r - 12 * PIXEL_M)) / 1e-3
+    ridges = -np.square(np.abs(x) - 4 * PIXEL_M) / 1e-3 - np.square(y) / 5e-2
+    return {"ring": ring, "ridges": ridges}
+
+
+@pytest.mark.parametrize(("name", "load_N", "off"), [("ring", 0.1, 0.05), ("ridges", 0.06, 0.3)])
+def test_contacts_one_within_another_sink_each_other_as_their_half_space_does(name, load_N, off):
+    """By their middles a ring is where what it surrounds is, and ridges bear as points do."""
+    surface = HeightMap(nested()[name], (PIXEL_M, PIXEL_M))
+    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=3e8)
+    state = curve.pressed(load_N)
+    assert len(state.region_loads_N) == 2
+    found = _pairs_per_m(state, np.arange(2))
+    one = np.where(state.region == 1, state.pressure_Pa, 0.0)
+    sunk_m = curve.solutions.face.half_space.sinking_m(one)
+    beside = state.sum_over_regions(state.pressure_Pa * sunk_m)[1] / state.region_loads_N.prod()
+    assert found[0, 1] == found[1, 0] == pytest.approx(E * beside, rel=off)
+    law = law_of_map(curve, load_N)
+    assert 0.0 < law.stiffness < 0.12
+    assert np.isfinite([*law.shift(0.25), *law.half_95(0.25).ravel()]).all()

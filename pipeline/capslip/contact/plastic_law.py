@@ -118,7 +118,7 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     of_metal_m = radius_m / np.interp(each, MAP_AT, STIFFNESS)
     stiffness = share * math.log(of_metal_m.sum() / radius_m.sum())
     heavy = np.sort(np.argsort(-each_N, kind="stable")[:_MOST_TOGETHER])
-    pair_per_m = _pairs_per_m(pressed)[np.ix_(heavy, heavy)] if heavy.size > 1 else None
+    pair_per_m = _pairs_per_m(pressed, heavy) if heavy.size > 1 else None
     (was, lost), (moves, loses) = (
         withdrawn_together(each[heavy], each_N[heavy], one[heavy], SHARES, pair_per_m)
         for one in (radius_m, of_metal_m)
@@ -137,18 +137,28 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     )
 
 
-def _pairs_per_m(pressed: Pressed) -> np.ndarray:
-    """Return by how much loads on contacts of a map sink it at the others, times E*, (n, n)."""
+def _pairs_per_m(pressed: Pressed, heavy: np.ndarray) -> np.ndarray:
+    """Return by how much loads on contacts of a map sink it at the others, times E*, (n, n).
+
+    As point loads that are as far apart as the loads of both are, as a root mean square: a ring is
+    not where its middle is. So they always find a balance, as 1 / sqrt(d^2 + s_i^2 + s_j^2) with
+    i = j is less than pi / 2 over the radius of an even contact, and positive definite.
+    """
     dy_m, dx_m = pressed.pixel_size_m
     ny, nx = pressed.pressure_Pa.shape
     places_m = np.arange(nx) * dx_m, np.arange(ny)[:, None] * dy_m
-    x_m, y_m = (
-        pressed.sum_over_regions(pressed.pressure_Pa * at) / pressed.region_loads_N
-        for at in places_m
-    )
-    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
-    np.fill_diagonal(apart_m, np.inf)
-    return 1.0 / (math.pi * apart_m)
+
+    def mean(of: np.ndarray) -> np.ndarray:
+        load_N = pressed.region_loads_N[heavy]
+        return np.asarray(pressed.sum_over_regions(pressed.pressure_Pa * of)[heavy] / load_N)
+
+    x_m, y_m = (mean(at) for at in places_m)
+    reach_m2 = mean(sum(np.square(at) for at in places_m)) - x_m**2 - y_m**2
+    reach_m2 += (dy_m**2 + dx_m**2) / 12.0  # of the pixels themselves
+    apart_m2 = np.square(x_m[:, None] - x_m) + np.square(y_m[:, None] - y_m)
+    apart_m2 += reach_m2[:, None] + reach_m2
+    np.fill_diagonal(apart_m2, np.inf)
+    return 1.0 / (math.pi * np.sqrt(apart_m2))
 
 
 def _as_it_unloads(over: np.ndarray, blunt: np.ndarray) -> np.ndarray:
