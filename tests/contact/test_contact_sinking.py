@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
-from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.contact.solvers.pixels import in_contact_alone
 from capslip.contact.solvers.polonsky_keer import press
@@ -83,15 +84,16 @@ def test_equal_spheres_share_a_load_as_if_none_of_them_sank_deeper():
     def again(face, near):
         return press(face, load_N=load_N, tolerance=1e-8, start_Pa=near.pressure_Pa)
 
-    pressed, deeper_m = sunk_in(face, bounded, again)
+    pressed, sunk = sunk_in(face, bounded, again)
+    deeper_m = sunk.deeper_m
     assert deeper_m.min() > 0.0
     assert np.ptp(deeper_m) < 3e-3 * deeper_m.max()
     assert pressed.region_loads_N == pytest.approx(bounded.region_loads_N, rel=2e-3)
     assert pressed.approach_m == pytest.approx(bounded.approach_m, rel=1e-3)
     # The next turn finds the same, and starts from there
-    same, known_m = sunk_in(face, pressed, again, deeper_m)
+    same, known = sunk_in(face, pressed, again, sunk)
     assert same is pressed
-    assert known_m is deeper_m
+    assert known.deeper_m is deeper_m
 
 
 def test_what_is_far_from_its_hardness_is_not_pressed_again():
@@ -107,13 +109,13 @@ def test_points_alone_sink_as_those_of_their_map_do():
     surface = spheres([R_M, R_M, 0.5 * R_M], [0.0, -2e-8, 0.0], 1.5e-6)
     face = replace(elastic_face(surface, E), hardness_Pa=hertz(1.0)[1] / 1.5)
     pressed = press(face, load_N=2.0, tolerance=1e-8)
-    of_map_m, _ = sinks_deeper_m(face, pressed)
+    of_map_m, _ = sinks_deeper_m(face, pressed, np.zeros(face.shape, dtype=int))
     assert len(np.unique(of_map_m)) == 3
     alone = in_contact_alone(face, pressed.pressure_Pa + (face.depth_m < 1.5 * pressed.approach_m))
     given = {"pressure_Pa": pressed.pressure_Pa, "gap_m": pressed.gap_m}
     state = replace(pressed, **{name: alone.gathered(one) for name, one in given.items()})
     assert (state.pressure_Pa == 0.0).any()
-    of_points_m, _ = sinks_deeper_m(alone, state)
+    of_points_m, _ = sinks_deeper_m(alone, state, np.zeros(alone.shape, dtype=int))
     assert of_points_m == pytest.approx(alone.gathered(of_map_m), rel=1e-12)
 
 
@@ -123,7 +125,7 @@ def test_contacts_that_grow_into_one_another_stay_what_they_were(grown):
     surface = spheres([R_M, 0.3 * R_M], [0.0, 0.0], 1.5e-6)
     face = replace(elastic_face(surface, E), hardness_Pa=hertz(1.0)[1] / 1.5)
     pressed = press(face, load_N=1.5, tolerance=1e-8)
-    of_map_m, contact = sinks_deeper_m(face, pressed)
+    of_map_m, contact = sinks_deeper_m(face, pressed, np.zeros(face.shape, dtype=int))
     assert len(np.unique(contact)) == 3
     if grown:  # a bridge that bears next to nothing
         bridge = np.where((np.arange(72) == 36)[:, None] & (pressed.pressure_Pa == 0.0), 1.0, 0.0)
@@ -147,3 +149,20 @@ def test_a_lowered_face_counts_from_its_own_first_touch():
     lowered = face.lowered(np.where(face.depth_m == 0.0, 1e-7, 2e-8))
     assert lowered.depth_m.min() == 0.0
     assert np.ptp(lowered.depth_m - face.depth_m) == pytest.approx(8e-8, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rough_face_under_the_same_load_again_is_as_it_was(seed):
+    """Its contacts are what they were, and what has not quite settled stays."""
+    waves = gaussian_filter(np.random.default_rng(seed).normal(size=(96, 96)), 2.0, mode="wrap")
+    surface, load_N = HeightMap(2e-7 * waves / waves.std(), (1e-6, 1e-6)), 1.0
+    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=1e9)
+    curve = curve.at_forces((0.25, 0.75))
+    again = RUNG.after(curve, load_N, 1.0, 1.0)
+    known, found = (
+        (one.first.of_face_m, float(one.stiffness_N_per_m(one.approach_m(load_N))),
+         float(one.loss_integral_at_drop_J(one.approach_m(load_N), 0.25 * load_N)))
+        for one in (curve, again)
+    )  # fmt: skip
+    assert curve.first.deeper.left > 1e-4
+    assert found == pytest.approx(known, rel=0.01)

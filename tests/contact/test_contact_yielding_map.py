@@ -314,8 +314,8 @@ def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
     def again(face, near):
         return press(face, load_N=load_N, tolerance=1e-6, start_Pa=near.pressure_Pa)
 
-    pressed, deeper_m = sunk_in(face, first, again)
-    came_m = pressed.approach_m + (face.depth_m + deeper_m).min()
+    pressed, sunk = sunk_in(face, first, again)
+    came_m = pressed.approach_m + (face.depth_m + sunk.deeper_m).min()
     assert contact.first_loading_approach_m == pytest.approx(came_m, rel=1e-4)
     assert contact.approach_m < 0.8 * first.approach_m
     # Loaded anew it is held as it was balanced, so the same load gives the same curve

@@ -17,7 +17,7 @@ from capslip.contact.solvers.nearby import loaded_anew
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.refinement import WIDE_ENOUGH
-from capslip.contact.solvers.sinking import sunk_in
+from capslip.contact.solvers.sinking import Sunk, sunk_in
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.errors import ContactError, SettingsError
@@ -128,9 +128,9 @@ def boundary_elements(
             time_limit_s=left_s,
         )
 
-    pressed, deeper_m = sunk_in(face, again(face), again)
+    pressed, deeper = sunk_in(face, again(face), again)
     face = face.tilted(pressed.tilt_rad)
-    return _unloading(face, pressed, deeper_m, float(tolerance), time_limit_s, begun_s)
+    return _unloading(face, pressed, deeper, float(tolerance), time_limit_s, begun_s)
 
 
 def _after(
@@ -150,7 +150,7 @@ def _after(
     first = curve.first
     if place_m is None:
         pressed, punch = curve.pressed(load_N), curve.solutions.punch(load_N)
-        face, again, deeper_m = loaded_anew(first, pressed, punch, (of_load, of_hardness), *given)
+        face, again, deeper = loaded_anew(first, pressed, punch, (of_load, of_hardness), *given)
     else:
         face = replace(first.face, hardness_Pa=of_hardness * first.face.hardness_Pa)
         # It turns a little from load to load: nearly all that touches did under the known one
@@ -168,17 +168,17 @@ def _after(
                 time_limit_s=given[1],
             )
 
-        again, deeper_m = sunk_in(face, turned(first.lowered(face)), turned, first.deeper_m)
+        again, deeper = sunk_in(face, turned(first.lowered(face)), turned, first.deeper)
         face = face.tilted(again.tilt_rad)
         tilt_rad = tilt_rad[0] + again.tilt_rad[0], tilt_rad[1] + again.tilt_rad[1]
-    after = _unloading(face, again, deeper_m, *given, begun_s, as_pixels=of_load != 1.0)
+    after = _unloading(face, again, deeper, *given, begun_s, as_pixels=of_load != 1.0)
     return replace(after, tilt_rad=tilt_rad)
 
 
 def _unloading(
     face: ElasticFace,
     pressed: Pressed,
-    deeper_m: np.ndarray | None,
+    deeper: Sunk | None,
     tolerance: float,
     time_limit_s: float,
     begun_s: float,
@@ -188,7 +188,7 @@ def _unloading(
 
     It is given before any load, under the tilt of its state, with what it sinks deeper.
     """
-    area_m2, first = None, FirstLoading(face, pressed.approach_m, pressed.turns, deeper_m)
+    area_m2, first = None, FirstLoading(face, pressed.approach_m, pressed.turns, deeper)
     if not math.isinf(face.hardness_Pa):
         yielded = pressed.pressure_Pa >= face.hardness_Pa
         area_m2 = np.count_nonzero(yielded) * face.pixel_area_m2

@@ -15,6 +15,7 @@ from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import HalfSpace
 from capslip.contact.solvers.metal import first_loading
 from capslip.contact.solvers.polonsky_keer import Pressed, press
+from capslip.contact.solvers.sinking import Sunk
 from capslip.contact.solvers.unloading import Unloading, path_at
 from capslip.contact.solvers.whiteness import white_m2
 from capslip.errors import ContactError, OutOfTimeError
@@ -45,7 +46,7 @@ class FirstLoading:
     face: ElasticFace  # with its hardness, and the tilt that its balance found
     approach_m: float  # of `sunk`, from its own first touch
     turns: bool = False  # see `Pressed`
-    deeper_m: np.ndarray | None = None  # (ny, nx), see `sunk_in`
+    deeper: Sunk | None = None  # see `sunk_in`
 
     @cached_property
     def sunk(self) -> ElasticFace:
@@ -54,14 +55,14 @@ class FirstLoading:
 
     def lowered(self, face: ElasticFace) -> ElasticFace:
         """Return another face of these points, with what metal sinks deeper."""
-        return face if self.deeper_m is None else face.lowered(self.deeper_m)
+        return face if self.deeper is None else face.lowered(self.deeper.deeper_m)
 
     @property
     def of_face_m(self) -> float:
         """Approach from the first touch of the face as it was."""
-        if self.deeper_m is None:
+        if self.deeper is None:
             return self.approach_m
-        depth_m = self.face.depth_m + self.deeper_m
+        depth_m = self.face.depth_m + self.deeper.deeper_m
         return self.approach_m + float(np.min(depth_m, where=self.face.measured, initial=np.inf))
 
 

@@ -1,6 +1,5 @@
 """A pressed face under another load or with another hardness, at next to no cost."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import SINGLE, alone_on, around_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
-from capslip.contact.solvers.sinking import sunk_in
+from capslip.contact.solvers.sinking import Sunk, sunk_in
 from capslip.contact.solvers.starts import Known, start_Pa
 
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
@@ -85,8 +84,12 @@ def nearby(
     above, end = Known(0.0, known_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
     part = start_Pa(total_Pa, punch, above, end) / np.maximum(known_Pa, _LEAST_PA)
     area_m2 = face.pixel_area_m2
-    deeper_m = np.zeros(face.shape) if first.deeper_m is None else first.deeper_m
-    known_m = alone.gathered(deeper_m)
+    known = None
+    if first.deeper is not None:
+        deeper_m, contact = (
+            alone.gathered(one) for one in (first.deeper.deeper_m, first.deeper.contact)
+        )
+        known = replace(first.deeper, deeper_m=deeper_m, contact=contact)
     found: list[Nearby] = []
     for of_load, of_hardness in changes:
         face_i = replace(alone, hardness_Pa=face.hardness_Pa * of_hardness)
@@ -97,7 +100,7 @@ def nearby(
             state = press(
                 face_i, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, sinks_once=True
             )
-        sunk_i, state, lower_m = _sunk_in(face_i, state, known_m, tolerance)
+        sunk_i, state, lower_m = _sunk_in(face_i, state, known, tolerance)
         elastic, loaded = first_loading(sunk_i, state)
         comes_back = finest == 1 and of_load > 1.0 and hardly_yields(pressed, face.hardness_Pa)
         if comes_back and hardly_yields(state, face_i.hardness_Pa):
@@ -112,15 +115,15 @@ def nearby(
 
 
 def _sunk_in(
-    alone: PatchedFace, state: Pressed, known_m: np.ndarray, tolerance: float
+    alone: PatchedFace, state: Pressed, known: Sunk | None, tolerance: float
 ) -> tuple[ElasticFace, Pressed, float]:
     """Return points alone, sunk as deep as metal does under another load, and their state.
 
     They lie lower by what is known already. And how much lower they first touch.
     """
-    if math.isinf(alone.hardness_Pa):
-        return alone, state, 0.0
-    as_found = replace(alone, depth_m=alone.depth_m - known_m)
+    as_found = alone
+    if known is not None:
+        as_found = replace(alone, depth_m=alone.depth_m - known.deeper_m)
 
     def again(face: ElasticFace, near: Pressed) -> Pressed:
         return press(
@@ -131,10 +134,11 @@ def _sunk_in(
             sinks_once=True,
         )
 
-    again_state, deeper_m = sunk_in(as_found, state, again, known_m)
-    assert deeper_m is not None
-    lower_m = float((as_found.depth_m + deeper_m).min())
-    return as_found.lowered(deeper_m), again_state, lower_m
+    found, sunk = sunk_in(as_found, state, again, known)
+    if sunk is None or found is state:
+        return alone, state, 0.0
+    lower_m = float((as_found.depth_m + sunk.deeper_m).min())
+    return as_found.lowered(sunk.deeper_m), found, lower_m
 
 
 def loaded_anew(
@@ -144,7 +148,7 @@ def loaded_anew(
     change: tuple[float, float],
     tolerance: float,
     time_limit_s: float,
-) -> tuple[ElasticFace, Pressed, np.ndarray | None]:
+) -> tuple[ElasticFace, Pressed, Sunk | None]:
     """Return a face with another hardness, and its state under another first load, on all points.
 
     And how much deeper its contacts sink, see `sunk_in`.
@@ -186,7 +190,7 @@ def loaded_anew(
             time_limit_s=time_limit_s,
         )
 
-    return face, *sunk_in(face, again(first.lowered(face)), again, first.deeper_m)
+    return face, *sunk_in(face, again(first.lowered(face)), again, first.deeper)
 
 
 def _reached(

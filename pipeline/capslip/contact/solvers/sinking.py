@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,17 +20,27 @@ DEEPER = np.array(
     )
 ).ravel()
 _SETTLED = 1e-4  # of what contacts sink deeper, that a turn still moves, over the loads
-_NEARLY, _LESS = 0.05, 0.5  # from where on that must fall by so much
+_NEARLY, _LESS = 0.02, 0.5  # from where on that must fall by so much
+_AS_BEFORE = 1.01  # of what was left: a state that is pressed anew is itself within a tolerance
 _MOST_TURNS = 8
 _TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Sunk:
+    """How much deeper contacts sink than their bound tells, of the shape of the face."""
+
+    deeper_m: np.ndarray
+    contact: np.ndarray  # where which contact is, from 1 on, 0 for none
+    left: float  # of it, that one turn more would move
 
 
 def sunk_in(
     face: ElasticFace,
     pressed: Pressed,
     again: Callable[[ElasticFace, Pressed], Pressed],
-    deeper_m: np.ndarray | None = None,
-) -> tuple[Pressed, np.ndarray | None]:
+    known: Sunk | None = None,
+) -> tuple[Pressed, Sunk | None]:
     """Return the state of a face whose contacts sink as deep as metal does, and how much deeper.
 
     One bound on the pressures lets a sphere sink 7 % less than finite elements do where p0 is 1.5
@@ -46,28 +57,32 @@ def sunk_in(
         Its state under the load, lowered by what is known.
     again : callable
         Presses a lowered face, from a state near the one it finds.
-    deeper_m : float64, shape (ny, nx), optional
-        Known from a state nearby.
+    known : Sunk, optional
+        From a state nearby, on the points of the face. Of the same state it stays.
 
     Returns
     -------
-    Pressed, float64, shape (ny, nx)
-        Of `face.lowered(deeper_m)`; None where nothing is near its hardness.
+    Pressed, Sunk
+        Of `face.lowered(sunk.deeper_m)`; None where nothing is near its hardness.
     """
-    if deeper_m is None and pressed.max_pressure_Pa <= DEEPER_AT[0] * face.hardness_Pa:
+    if known is None and pressed.max_pressure_Pa <= DEEPER_AT[0] * face.hardness_Pa:
         return pressed, None
-    known_m = np.zeros(face.shape) if deeper_m is None else deeper_m
-    contact, last, part = None, math.inf, 1.0
-    for _ in range(_MOST_TURNS):
+    if known is None:
+        none = np.zeros(face.shape)
+        known = Sunk(none, none.astype(int), 0.0)
+    deeper_m, contact, left = known.deeper_m, known.contact, known.left
+    enough, last, part = max(_SETTLED, _AS_BEFORE * left), math.inf, 1.0
+    for turn in range(_MOST_TURNS + 1):
         found_m, contact = sinks_deeper_m(face, pressed, contact)
-        moved = _moved(found_m, known_m, pressed)
-        if moved <= _SETTLED or (moved <= _NEARLY and moved > _LESS * last):
+        moved = _moved(found_m, deeper_m, pressed)
+        stays = moved <= _NEARLY and moved > _LESS * last
+        if moved <= enough or stays or turn == _MOST_TURNS:
             break
         if moved > last:
             part *= 0.5  # it swings to and fro
-        known_m, last = known_m + part * (found_m - known_m), moved
-        pressed = again(face.lowered(known_m), pressed)
-    return pressed, known_m
+        deeper_m, last = deeper_m + part * (found_m - deeper_m), moved
+        pressed = again(face.lowered(deeper_m), pressed)
+    return pressed, Sunk(deeper_m, contact, moved)
 
 
 def _moved(found_m: np.ndarray, known_m: np.ndarray, pressed: Pressed) -> float:
@@ -78,7 +93,7 @@ def _moved(found_m: np.ndarray, known_m: np.ndarray, pressed: Pressed) -> float:
 
 
 def sinks_deeper_m(
-    face: ElasticFace, pressed: Pressed, before: np.ndarray | None = None
+    face: ElasticFace, pressed: Pressed, before: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how much deeper each contact sinks than the bound on its pressures tells.
 
@@ -91,7 +106,7 @@ def sinks_deeper_m(
         A map or points of one, with its hardness.
     pressed : Pressed
         Its state under the first load.
-    before : int, of the shape of the face, optional
+    before : int, of the shape of the face
         Where which contact was, from 1 on, 0 for none.
 
     Returns
@@ -101,13 +116,12 @@ def sinks_deeper_m(
     """
     touching = pressed.pressure_Pa > 0.0
     contact = _contacts(face, pressed, touching)
-    if before is not None:
-        known = np.zeros(contact.max() + 1, dtype=bool)
-        known[contact[before > 0]] = True
-        kept = np.where(touching, before, 0)
-        contact = np.where(known[contact] | ~touching, kept, contact + before.max())
-        _, number = np.unique(np.append(0, contact), return_inverse=True)
-        contact = number[1:].reshape(contact.shape)
+    known = np.zeros(contact.max() + 1, dtype=bool)
+    known[contact[before > 0]] = True
+    kept = np.where(touching, before, 0)
+    contact = np.where(known[contact] | ~touching, kept, contact + before.max())
+    _, number = np.unique(np.append(0, contact), return_inverse=True)
+    contact = number[1:].reshape(contact.shape)
     belongs = contact.reshape(-1)[_nearest(face, contact > 0)]
     parts = parts_of(face, pressed, belongs - 1)
     deeper = np.interp(parts.over_hardness, DEEPER_AT, DEEPER)
