@@ -312,7 +312,8 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     of_stiffness = band_causes.YIELDED_STIFFNESS * 0.1
     at_a_quarter = 0.04
     first = [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0]]
-    last = [[of_stiffness, 0.0], [0.01, 0.0], [0.0, at_a_quarter]]
+    of_energy = band_causes.YIELDED_ENERGY * 0.1
+    last = [[of_stiffness, -of_energy], [0.01, 0.0], [0.0, at_a_quarter]]
     others = np.array([*first, *last])
     expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
     assert left.model.T @ left.model == pytest.approx(expected)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from capslip.contact.accuracy import LEAST_ERROR, PAIRS_SHARE, YIELDED_STIFFNESS
+from capslip.contact.accuracy import LEAST_ERROR, PAIRS_SHARE, YIELDED_ENERGY, YIELDED_STIFFNESS
 from capslip.contact.curve import NormalCurve
 from capslip.contact.part_of_joint import left_open
 from capslip.contact.press import ContactState
@@ -130,7 +130,9 @@ def _of_moved(
     others = [2.0 * by_shape, PAIRS_SHARE * (log_of(moved.by_pairs) - log)]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
     others += [*np.diag(moved.of_profiles(share)), *(LEAST_ERROR * np.eye(2))]
-    others += [np.array((YIELDED_STIFFNESS * moved.of_contact * moved.yielded, 0.0))]
+    # Heavy caps that sink deeper leave light ones more: softer, and less is lost
+    of_yield = YIELDED_STIFFNESS * moved.of_contact, -YIELDED_ENERGY
+    others += [moved.yielded * np.array(of_yield)]
     shift, left_open = of_law
     return Left(
         _root(np.array(random) / math.sqrt(len(random))),
