@@ -124,14 +124,14 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
         for one in (radius_m, of_metal_m)
     )
     displacement, energy = share * np.log(moves / was), np.log(loses / lost)
-    as_high = _energies(over, pressed.pressure_Pa)
-    of_form = _energies(_as_it_unloads(over, blunt), pressed.pressure_Pa) - as_high
+    of_spheres = _energies(over, pressed.pressure_Pa)
+    of_form = _energies(_as_it_unloads(over, blunt), pressed.pressure_Pa) - of_spheres
     sure = np.interp(each, HARD_AT, (0.0, HARD_95)) @ each_N / each_N.sum()
     return LawError(
         stiffness,
         _each(displacement + stiffness),
         _each(energy + of_form + stiffness),
-        _each(np.hypot(UNLOADING_95 * as_high, FORM_95 * of_form)),
+        _each(np.hypot(UNLOADING_95 * of_spheres, FORM_95 * of_form)),
         WIDER,
         (_each(np.hypot(AREA_95 * displacement, sure)), _each(np.hypot(AREA_95 * energy, sure))),
     )

@@ -177,7 +177,7 @@ def by_map(top: Top, load: float, yield_stress: float) -> tuple[Answer, ModelErr
     curve = boundary_elements(surface, E_STAR_PA, preload_N=load_N, hardness_Pa=hardness_Pa)
     slip = slip_curve(curve, load_N, MU, KAPPA)
     T, unit_m = MU * load_N * np.array(FORCE_SHARES), STEEP * RADIUS_M
-    depth_m = curve.loaded_first_to(load_N).approach_m - height_m.max()  # since the top touched
+    depth_m = curve.loaded_first_to(load_N).of_face_m - height_m.max()  # since the top touched
     e_m, W_J = slip.displacement_m(T) / (MU * KAPPA), slip.energy_at_force_J(T) / (MU**2 * KAPPA)
     area = curve.pressed(load_N).contact_area_m2 / RADIUS_M**2
     found = Answer(depth_m / unit_m, area, e_m / unit_m, W_J / (load_N / load * unit_m))

@@ -171,9 +171,8 @@ def parts_of(face: ElasticFace, pressed: Pressed, group: np.ndarray | None = Non
     at = np.flatnonzero(pressed.pressure_Pa)
     pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
     sunk_m = sunk_for_good_m(face, pressed).reshape(-1)[at]
-    to_edge_m, part = _parts(face, at)
-    if group is not None:
-        part = group.reshape(-1)[at]
+    number, beside, to_edge_m = _to_edge(face, at)
+    part = _uphill(number, beside, to_edge_m) if group is None else group.reshape(-1)[at]
     n_points, load_Pa = np.bincount(part), np.bincount(part, weights=pressure_Pa)
     widest_m = np.zeros(n_points.size)
     np.maximum.at(widest_m, part, to_edge_m)
@@ -232,11 +231,10 @@ def contacts_of(face: ElasticFace, at: np.ndarray) -> np.ndarray:
     return np.asarray(connected_components(pairs, directed=False)[1]) + 1
 
 
-def _parts(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far points that touch are from the edge, and the part in which each lies.
+def _to_edge(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return how far points that touch are from the edge, after their numbers as of `_grid`.
 
-    Of points as flat indices. Their distance is that to the next one outside, less half of one;
-    from each the way up along it, from neighbour to neighbour, ends in the middle of its part.
+    Of points as flat indices. Their distance is that to the next one outside, less half of one.
     """
     from scipy.spatial import cKDTree
 
@@ -244,15 +242,22 @@ def _parts(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     edge = np.transpose(np.divmod(np.setdiff1d(beside, number), width)) * face.pixel_size_m
     place_m = np.transpose(np.divmod(number, width)) * face.pixel_size_m
     apart_m, _ = cKDTree(edge).query(place_m)
-    to_edge_m = apart_m - 0.5 * min(face.pixel_size_m)
+    return number, beside, apart_m - 0.5 * min(face.pixel_size_m)
+
+
+def _uphill(number: np.ndarray, beside: np.ndarray, to_edge_m: np.ndarray) -> np.ndarray:
+    """Return the part of a contact in which each point lies.
+
+    The way up along their distance to the edge, from neighbour to neighbour, ends in its middle.
+    """
     found, known = _found(number, beside)
     height = np.argsort(np.argsort(to_edge_m, kind="stable"))  # equal ones in one order
     up = np.where(known, height[found], -1)
-    highest = up.argmax(axis=0), np.arange(at.size)
+    highest = up.argmax(axis=0), np.arange(number.size)
     end = np.where(up[highest] > height, found[highest], highest[1])
     while (end[end] != end).any():
         end = end[end]
-    return to_edge_m, np.unique(end, return_inverse=True)[1]
+    return np.unique(end, return_inverse=True)[1]
 
 
 def _grid(face: ElasticFace, at: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
