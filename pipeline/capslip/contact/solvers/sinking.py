@@ -23,6 +23,7 @@ _SETTLED = 1e-4  # of what contacts sink deeper, that a turn still moves, over t
 _NEARLY, _LESS = 0.02, 0.5  # from where on that must fall by so much
 _AS_BEFORE = 1.01  # of what was left: a state that is pressed anew is itself within a tolerance
 _MOST_TURNS = 8
+_ENDS = 2.0  # radii from the rim of a contact: up to half of it all is lowered, beyond it nothing
 _TINY = 1e-300
 
 
@@ -45,9 +46,8 @@ def sunk_in(
 
     One bound on the pressures lets a sphere sink 7 % less than finite elements do where p0 is 1.5
     times the hardness, and 13 % more at 6 times. A joint feels how deep its contacts sink beside
-    one another: light ones bear what heavy ones leave them. So all that belongs to a contact is
-    lowered by what it sinks deeper, and the face is pressed again, in turns. A point belongs to the
-    contact that is nearest.
+    one another: light ones bear what heavy ones leave them. So a contact is lowered by what it
+    sinks deeper, with what is around it, and the face is pressed again, in turns.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def sinks_deeper_m(
     """Return how much deeper each contact sinks than the bound on its pressures tells.
 
     Contacts that touch each other as they grow stay what they were, and new ones come: else what is
-    one contact in a turn and two in the next would never settle.
+    one contact in a turn and two in the next would never settle. What is further from a contact
+    than it can grow stays where it is: a top there would be a contact of its own, and sink as that.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def sinks_deeper_m(
     Returns
     -------
     float64, int, of the shape of the face
-        At each point that of the contact that is nearest; and where which contact is.
+        At each point, of the contact that is nearest; and where which contact is.
     """
     touching = pressed.pressure_Pa > 0.0
     contact = _contacts(face, pressed, touching)
@@ -122,11 +123,13 @@ def sinks_deeper_m(
     contact = np.where(known[contact] | ~touching, kept, contact + before.max())
     _, number = np.unique(np.append(0, contact), return_inverse=True)
     contact = number[1:].reshape(contact.shape)
-    belongs = contact.reshape(-1)[_nearest(face, contact > 0)]
-    parts = parts_of(face, pressed, belongs - 1)
+    nearest, away_m = _nearest(face, contact > 0)
+    belongs = contact.reshape(-1)[nearest] - 1
+    parts = parts_of(face, pressed, belongs)
     deeper = np.interp(parts.over_hardness, DEEPER_AT, DEEPER)
     deeper_m = parts.radius_m * face.hardness_Pa / face.E_star_Pa * deeper
-    return deeper_m[belongs - 1], np.where(touching, belongs, 0)
+    share = np.clip(_ENDS - away_m / parts.radius_m[belongs], 0.0, 1.0)
+    return share * deeper_m[belongs], np.where(touching, belongs + 1, 0)
 
 
 def _contacts(face: ElasticFace, pressed: Pressed, touching: np.ndarray) -> np.ndarray:
@@ -138,16 +141,17 @@ def _contacts(face: ElasticFace, pressed: Pressed, touching: np.ndarray) -> np.n
     return contact
 
 
-def _nearest(face: ElasticFace, points: np.ndarray) -> np.ndarray:
-    """Return the flat index of the point that is nearest of some, of the shape of the face."""
+def _nearest(face: ElasticFace, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the flat index of the point that is nearest of some, and how far away it is."""
     if points.ndim == 2:
         from scipy.ndimage import distance_transform_edt
 
-        row, column = distance_transform_edt(
-            ~points, face.pixel_size_m, return_distances=False, return_indices=True
+        away_m, (row, column) = distance_transform_edt(
+            ~points, face.pixel_size_m, return_indices=True
         )
-        return np.asarray(row * face.shape[1] + column)
+        return np.asarray(row * face.shape[1] + column), np.asarray(away_m)
     from scipy.spatial import cKDTree
 
     at, place_m = np.flatnonzero(points), np.transpose(face.places_m)
-    return np.asarray(at[cKDTree(place_m[at]).query(place_m)[1]])
+    away_m, nearest = cKDTree(place_m[at]).query(place_m)
+    return np.asarray(at[nearest]), np.asarray(away_m)
