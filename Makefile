@@ -10,7 +10,7 @@ OUT    ?=
 CONFIG ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect compare reproduce bench chart limits validation soak mutants warnings docs samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce bench chart limits validation soak mutants warnings docs samples test test-long lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -78,8 +78,13 @@ samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
 # Many tests start programs, each of which would compile the package anew
-test: $(READY) ## Run the tests
-	@OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(ARGS)
+PYTEST = OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder
+
+test: $(READY) ## Run the tests that take no seconds each, some minutes
+	@$(PYTEST) -m "not long" $(ARGS)
+
+test-long: $(READY) ## Run the other tests, which take two to three times as long
+	@$(PYTEST) -m long $(ARGS)
 
 lint: $(READY) ## Check style and types
 	@$(BIN)/ruff check .

@@ -124,6 +124,7 @@ def test_a_map_that_was_cut_short_gets_time_enough_by_its_size_and_what_it_had(s
     assert more_time((side, side), limit_s) == f"--set contact.time_limit_s={step:g}"
 
 
+@pytest.mark.long
 def test_a_curve_that_was_cut_short_is_whole_within_the_time_that_it_is_told_to_take():
     words = "contact.model=boundary_elements", "contact.preload_N=3"
     late = load_settings(overrides=(*words, "contact.time_limit_s=1e-3"))
@@ -186,6 +187,7 @@ def rough_face():
     return capslip.HeightMap(1e-7 * z / z.std(), (1e-5, 1e-5))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("preload_N", "code"), [(3.0, "boundary_elements_needed"), (80.0, "contact_failed")]
 )

@@ -628,6 +628,7 @@ def label(row):
     return f"{row.code}-{row.severity}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("row", ROWS, ids=label)
 def test_a_problem_is_said_where_its_cause_is(row):
     found = analysis(row.seen, row.swept)
@@ -643,6 +644,7 @@ def test_a_problem_is_said_where_its_cause_is(row):
     assert all(p.step or p.remedy == KINDS[row.code].remedy for p in said)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("row", ROWS, ids=label)
 def test_a_problem_is_not_said_where_its_cause_is_taken_away(row):
     found = analysis(row.silent, row.swept)

@@ -61,6 +61,7 @@ def test_the_public_names_are_what_they_say():
         _ = capslip.nothing
 
 
+@pytest.mark.long
 def test_analyze_is_pure(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     surface = caps_map(CAPS)

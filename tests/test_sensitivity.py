@@ -389,6 +389,7 @@ def test_a_coarser_map_is_used_where_it_gives_the_same_answers():
     assert sum(surface.shape == (250, 300) for surface in seen) == 1
 
 
+@pytest.mark.long
 def test_a_face_of_caps_is_stable_and_its_figure_is_drawn():
     scene = Scene(
         shape=(400, 600),

@@ -357,6 +357,7 @@ def test_a_face_that_tips_over_is_not_pressed_and_that_is_said_once():
     assert [one.code for one in found.problems if one.severity == "error"] == ["tips_over"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("model", ["caps", "boundary_elements"])
 def test_a_scan_that_yields_has_felt_the_greatest_load_of_the_cycle(model):

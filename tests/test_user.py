@@ -35,6 +35,7 @@ def test_the_tab_key_finds_the_public_names():
     assert set(capslip.__all__) <= set(dir(capslip))
 
 
+@pytest.mark.long
 def test_a_users_script_is_typed_throughout(tmp_path, monkeypatch):
     """The flags of `mypy --strict` stand in it, so that it shares the cache of `make lint`."""
     api = pytest.importorskip("mypy.api")

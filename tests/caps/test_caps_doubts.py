@@ -67,6 +67,7 @@ def test_peaks_are_not_asked_for_a_bow_after_a_form_that_took_bows_off():
         assert (moved_m < 1e-9) == keeps
 
 
+@pytest.mark.long
 def test_scatter_alone_is_rarely_called_a_bow():
     rng = np.random.default_rng(1)
     # A test at 1 %: 5 of 500 expected, standard deviation 2.2
@@ -377,6 +378,7 @@ def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m, l
         assert leaves_peaks(seams, caps) == expected
 
 
+@pytest.mark.long
 def test_peaks_that_scatter_more_than_a_seam_or_stand_on_one_side_do_not_tell():
     rng = np.random.default_rng(4)
     told = [leaves_peaks(two_fields(9e-8), peaks(rng, 2e-7)) for _ in range(50)]
@@ -396,6 +398,7 @@ def test_too_few_or_equal_peaks_lie_on_no_bow():
     assert bow_of_peaks(equal) == (0.0, 0.0)
 
 
+@pytest.mark.long
 def test_the_chance_of_a_bow_is_that_of_the_f_distribution():
     """Without a bow, one in ten sets of peaks has a chance below a tenth."""
     rng = np.random.default_rng(7)

@@ -79,6 +79,7 @@ def test_noise_lifts_the_highest_point_by_no_more_than_its_error():
     assert (correlation < -0.99).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fit", ["pinned", "least_squares"])
 def test_noise_that_lifts_an_apex_makes_it_sharper(fit):
     """A quadric through all of a disc: apex and fall err by -sqrt(3) / 2 together."""

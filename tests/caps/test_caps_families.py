@@ -55,6 +55,7 @@ def test_two_families_are_counted_exactly(seed):
     assert families.count_se < 0.01
 
 
+@pytest.mark.long
 def test_the_error_of_h_is_the_error_found():
     rng = np.random.default_rng(0)
     error, said = [], []
@@ -65,6 +66,7 @@ def test_the_error_of_h_is_the_error_found():
     assert np.std(error) == pytest.approx(np.sqrt(np.mean(np.square(said))), rel=0.1)
 
 
+@pytest.mark.long
 def test_the_error_of_the_count_is_about_the_error_found():
     rng = np.random.default_rng(1)
     error, said = [], []
@@ -84,6 +86,7 @@ def test_exact_repeats_are_two_families():
     assert families.clear
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("draw", ONE_FAMILY.values(), ids=ONE_FAMILY)
 @pytest.mark.parametrize("n", [5, 100])
 def test_one_family_is_not_taken_for_two_without_a_doubt(draw, n):
@@ -242,6 +245,7 @@ def heights_with_errors(rng, n, levels_m=(0.0,)):
     return rng.choice(levels_m, n) + error_m * rng.standard_normal(n), error_m
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [2, 3, 5, 12, 40])
 def test_peaks_alike_within_their_errors_are_one_family_beyond_doubt(n):
     rng = np.random.default_rng(n)
@@ -306,6 +310,7 @@ def test_the_error_of_the_count_is_that_of_its_odds():
     assert families.count_se > 0.1
 
 
+@pytest.mark.long
 def test_two_standard_errors_of_the_count_hold_the_truth_nine_times_in_ten():
     rng = np.random.default_rng(7)
     held = []

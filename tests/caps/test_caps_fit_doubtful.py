@@ -176,6 +176,7 @@ def test_an_unknown_fit_is_refused():
         one_hill(-FROM_CENTRE2 / 50, -2e-8, "sphere")
 
 
+@pytest.mark.long
 def test_very_many_hills_take_bounded_time():
     label = np.kron(np.arange(1, 50001).reshape(200, 250), np.ones((3, 4)))
     height_m = 1e-6 * np.random.default_rng(0).standard_normal(label.shape)

@@ -79,6 +79,7 @@ def test_caps_with_a_tenth_of_their_height_as_noise_are_within_five_per_cent(fit
     assert np.abs(apex_m).max() < 0.05 * SMALLEST_CAP_M
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fit", ["pinned", "least_squares"])
 @pytest.mark.parametrize(
     ("share", "correlation_px"), [(0.01, 0.0), (0.1, 0.0), (0.03, 1.0), (0.1, 0.5)]

@@ -50,6 +50,7 @@ def toy(tmp_path, monkeypatch):
     vars(fits).pop("toy", None)
 
 
+@pytest.mark.long
 def test_a_new_fit_is_one_file(toy):
     settings = capslip.load_settings(overrides=toy(7.0))
     assert "toy" in registry.names("caps.fits")

@@ -172,6 +172,7 @@ def test_one_two_and_many_noisy_caps(families, floor_m):
     assert_every_cap_is_one_hill(find_hills(surface), surface, truth)
 
 
+@pytest.mark.long
 def test_half_of_the_points_lost_split_no_hill():
     surface = condition(synthetic_surface(replace(FACE, non_measured_fraction=0.5))[0]).surface
     truth = synthetic_surface(FACE)[1]

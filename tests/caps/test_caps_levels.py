@@ -109,6 +109,7 @@ def as_they_lie(seed):
     return x_m, y_m, height_m, find_levels(x_m, y_m, height_m)
 
 
+@pytest.mark.long
 @settings(deadline=None)  # of another load on the machine
 @given(
     seed=st.integers(0, 20),

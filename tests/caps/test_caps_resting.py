@@ -43,6 +43,7 @@ def test_it_is_the_facet_of_the_convex_hull_over_the_load_point(seed):
     assert np.array(plane.slope) == pytest.approx(-facet[:2] / facet[2] / 1e4, rel=1e-7)
 
 
+@pytest.mark.long
 @given(
     seed=st.integers(0, 5),
     slope_x=st.floats(-1e-3, 1e-3),

@@ -28,6 +28,7 @@ def result(tmp_path_factory):
     return out, json.loads(ran.stdout)
 
 
+@pytest.mark.long
 def test_the_result_is_complete(result):
     out, summary = result
     assert defects(out) == []
@@ -64,6 +65,7 @@ def test_the_tables_agree(result):
     assert len(rows) == summary["hills"]["hills"]
 
 
+@pytest.mark.long
 def test_the_settings_of_a_result_repeat_it(result, tmp_path):
     out, summary = result
     arguments = ["analyze", str(FACE), "-c", str(out / "settings.toml"), "--no-figures"]
@@ -79,6 +81,7 @@ def test_the_settings_of_a_result_repeat_it(result, tmp_path):
     assert second["provenance"]["settings_sha256"] == summary["provenance"]["settings_sha256"]
 
 
+@pytest.mark.long
 def test_a_face_of_noise_is_a_result_without_an_answer(tmp_path):
     rng = np.random.default_rng(0)
     with h5py.File(tmp_path / "flat.h5", "w") as file:
@@ -107,6 +110,7 @@ def test_help_loads_nothing_heavy():
     assert loaded.stdout.strip() == "[]"
 
 
+@pytest.mark.long
 def test_several_scans_give_one_joint_and_a_line_each(tmp_path):
     faces = [str(PROJECT / "sample_surfaces" / f"paper_face_{name}.h5") for name in "ab"]
     out = tmp_path / "joint"

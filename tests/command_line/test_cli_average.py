@@ -227,6 +227,7 @@ def test_units_that_the_files_lack_are_given_once_for_all(tmp_path, monkeypatch)
     assert mean.pixel_size_m == pytest.approx((1e-4, 1e-4))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_an_analysis_of_the_mean_knows_its_noise_and_takes_it_off(scans):
     assert run("average", *scans).exit_code == 0
@@ -244,6 +245,7 @@ def test_an_analysis_of_the_mean_knows_its_noise_and_takes_it_off(scans):
     assert again.noise_m == found["surface"]["measurement_noise_m"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("here", "fewer_points")
 def test_a_batch_of_means_is_done_once(scans, tmp_path):
     assert run("average", *scans).exit_code == 0
@@ -255,6 +257,7 @@ def test_a_batch_of_means_is_done_once(scans, tmp_path):
     assert written[0] == written[1]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_a_joint_of_means_knows_its_noise_where_each_does():
     means = [average(repeats(seed)).surface for seed in (1, 2)]

@@ -42,6 +42,7 @@ def rows(folder):
         return {row["scan"]: row for row in csv.DictReader(file)}
 
 
+@pytest.mark.long
 def test_every_scan_has_a_row(batch):
     folder, _, first = batch
     assert first.exit_code == 3, first.output
@@ -116,6 +117,7 @@ def test_a_pressure_map_that_changed_is_named_and_done_again(batch, tmp_path):
     assert float(rows(tmp_path)["two"]["preload_N"]) == pytest.approx(60.0)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     folder, _, _ = batch
@@ -206,6 +208,7 @@ def without_report(scan, folder, *others):
     return analyse_scan(scan, folder, *others)
 
 
+@pytest.mark.long
 def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, monkeypatch):
     folder, arguments, _ = batch
     source = str(folder / "scans in" / "two.h5")
@@ -231,6 +234,7 @@ def ends_its_worker(scan, folder, *others):
     return analyse_scan(scan, folder, *others)
 
 
+@pytest.mark.long
 def test_a_scan_that_kills_its_worker_is_named_and_the_only_one(batch, tmp_path, monkeypatch):
     _, arguments, _ = batch
     scans = tmp_path / "in"
@@ -261,6 +265,7 @@ def dies_once(scan, folder, *others):
     return analyse_scan(scan, folder, *others)
 
 
+@pytest.mark.long
 def test_a_scan_that_needs_the_machine_to_itself_gets_it(batch, tmp_path, monkeypatch):
     folder, arguments, _ = batch
     source = str(folder / "scans in" / "two.h5")
@@ -284,6 +289,7 @@ def one_waits(scan, folder, *_):
     return {"status": "failed", "error": "quick"}
 
 
+@pytest.mark.long
 def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, capfd):
     folder, _, _ = batch
 
@@ -301,6 +307,7 @@ def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, cap
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_a_row_holds_the_numbers_of_the_summary(batch, tmp_path):
     folder, _, _ = batch

@@ -78,6 +78,7 @@ def test_every_result_is_broken_at_the_width_of_a_terminal(monkeypatch, capsys):
     assert lines == ["compared   24 amplitudes of 0.018 to", "           0.91 um, model"]
 
 
+@pytest.mark.long
 def test_no_module_beside_the_scans_is_run(tmp_path):
     face(tmp_path / "a.h5")
     for name in ("numpy", "pyvista", "msgspec", "random", "tempfile", "pickle", "selectors"):
@@ -129,6 +130,7 @@ def test_escapes_and_lines_in_names_do_not_reach_the_terminal(tmp_path, monkeypa
     assert len([line for line in ran.stderr_bytes.splitlines() if line.startswith(b"error")]) == 1
 
 
+@pytest.mark.long
 # Python takes C for C.UTF-8, so that these two are one; ASCII alone is stricter
 @pytest.mark.parametrize(
     ("locale", "ways"),
@@ -173,6 +175,7 @@ def test_a_disk_that_refuses_is_no_internal_error(tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_a_closed_pipe_loses_no_result(tmp_path):
     face(tmp_path / "a.h5")
     command = f"{sys.executable} -m capslip analyze a.h5 -o out {' '.join(LIGHT)}"
@@ -200,6 +203,7 @@ def redirected(how, *arguments, cwd):
 LOST = (">&-", "2>&-", ">/dev/full", "2>/dev/full", "<&- >&- 2>&-", ">/dev/full 2>&1")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", LOST)
 def test_a_stream_that_is_closed_or_full_loses_no_result(tmp_path, how):
     face(tmp_path / "a.h5")
@@ -213,6 +217,7 @@ def test_a_stream_that_is_closed_or_full_loses_no_result(tmp_path, how):
         assert ran.returncode == 3  # of the work, and not of what could not be said of it
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [">&-", "2>&-", ">/dev/full 2>/dev/full"])
 def test_a_batch_goes_on_where_nobody_can_be_told(tmp_path, how):
     face(tmp_path / "a.h5")
@@ -227,6 +232,7 @@ def test_a_batch_goes_on_where_nobody_can_be_told(tmp_path, how):
         assert (tmp_path / "all" / "scans" / "b" / "summary.json").is_file()
 
 
+@pytest.mark.long
 def test_a_full_disk_is_told_where_it_takes_what_was_asked_for(tmp_path):
     face(tmp_path / "a.h5")
     given = ("families", "--m", "3", "--n", "2", "--radius-G", "24", "--radius-P", "26")
@@ -336,6 +342,7 @@ def test_a_scan_that_was_just_written_is_refused_though_no_time_tells_that_it_ch
         assert readers.load_surface(path).origin.sha256 == digest
 
 
+@pytest.mark.long
 def test_sigterm_ends_an_analysis_and_leaves_nothing(tmp_path):
     face(tmp_path / "a.h5")
     code = (

@@ -226,6 +226,7 @@ def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
 
 
+@pytest.mark.long
 def test_an_earlier_result_is_replaced_whole(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     light = ("--no-render", "--no-figures")

@@ -108,6 +108,7 @@ def summaries(out):
 # --- the same table, however it is made
 
 
+@pytest.mark.long
 def test_two_workers_make_the_same_table_to_the_bit(scans, undisturbed, tmp_path):
     assert run(scans, "-o", tmp_path / "out", "--workers", "2").exit_code == 0
     assert table(tmp_path / "out") == table(undisturbed)
@@ -161,6 +162,7 @@ def test_a_shard_that_is_none_is_refused(scans, text):
     assert "expected I/N" in ran.stderr
 
 
+@pytest.mark.long
 def test_dask_loses_nothing_where_a_worker_is_killed_and_names_a_scheduler_that_ends(
     many, many_undisturbed, tmp_path
 ):
@@ -215,6 +217,7 @@ def test_the_script_of_a_job_says_what_the_settings_say(system, lines, monkeypat
     assert "--nthreads 1" in script
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("system", "submit", "cancel", "told"),
     [("slurm", "sbatch", "scancel", "Submitted batch job "), ("pbs", "qsub", "qdel", "")],
@@ -298,6 +301,7 @@ def test_bad_scans_are_named_and_cost_no_other(tmp_path):
     assert not left_over(tmp_path / "out")
 
 
+@pytest.mark.long
 def test_names_of_odd_bytes_lines_and_formulas(tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()
@@ -321,6 +325,7 @@ def hangs(scan, folder, *others):
     return analyse_scan(scan, folder, *others)
 
 
+@pytest.mark.long
 def test_a_scan_that_hangs_is_ended_with_what_it_started(scans, tmp_path, monkeypatch):
     monkeypatch.setenv("FLEET_MARK", str(tmp_path))
     found = api(scans, tmp_path / "out", work=hangs, limits=Limits(time_s=5.0))
@@ -335,6 +340,7 @@ def takes_memory(scan, folder, *others):
     return analyse_scan(scan, folder, *others)
 
 
+@pytest.mark.long
 def test_a_scan_that_takes_too_much_memory_is_named(scans, tmp_path):
     found = api(scans, tmp_path / "out", work=takes_memory, limits=Limits(memory_bytes=10**9))
     errors = {row["scan"]: row["error"] for row in found if row["error"]}
@@ -394,6 +400,7 @@ def test_a_scan_leaves_a_result_or_a_failure_and_never_both(tmp_path):
     ]
 
 
+@pytest.mark.long
 def test_a_failure_of_a_limit_is_tried_again_under_another(tmp_path):
     scan(tmp_path / "a.h5", 1)
 
@@ -416,6 +423,7 @@ def test_a_failure_of_a_limit_is_tried_again_under_another(tmp_path):
     assert not record.exists()
 
 
+@pytest.mark.long
 def test_a_full_disk_is_named_and_the_same_command_goes_on(scans, undisturbed, tmp_path):
     most = 30_000  # bytes of a file, of which the result has more
     out = tmp_path / "out"
@@ -707,6 +715,7 @@ def test_names_are_unlike_and_quick_to_find():
     assert len({name.casefold() for name in names}) == len(paths)
 
 
+@pytest.mark.long
 def test_the_parent_keeps_little_of_each_scan(tmp_path):
     """So that a million of them fit: 10,000 are timed by the benchmark of batches."""
     peaks = []
@@ -733,6 +742,7 @@ def slowness():
     return (time.perf_counter() - wall_s) / (time.process_time() - used_s)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_it_in_two_seconds_and_nothing_stays(
     many, many_undisturbed, tmp_path, number
@@ -764,6 +774,7 @@ def test_a_signal_ends_it_in_two_seconds_and_nothing_stays(
     assert before.items() <= summaries(out).items()
 
 
+@pytest.mark.long
 def test_whatever_is_killed_the_table_is_that_of_an_undisturbed_run(
     many, many_undisturbed, tmp_path
 ):

@@ -35,6 +35,7 @@ def face(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 def test_every_model_leaves_a_whole_result(model, face, tmp_path):
     out = tmp_path / "out"
@@ -56,6 +57,7 @@ def test_every_model_leaves_a_whole_result(model, face, tmp_path):
     assert approach_m[-1] == pytest.approx(summary["contact"]["approach_m"], rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("alignment", "solved_N", "figures"),
     [("as_levelled", [460.0], ()), ("balanced", [], ("--no-figures",))],
@@ -78,6 +80,7 @@ def test_the_normal_curve_of_boundary_elements_costs_no_solution(
     assert loads_N == [*solved_N, 230.0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("module", "name", "missing"),
     [
@@ -234,6 +237,7 @@ def test_an_export_of_a_load_that_oscillates_is_refused_before_the_work(
     assert not out.exists()
 
 
+@pytest.mark.long
 def test_a_failed_analysis_is_written_and_ends_with_code_3(face, tmp_path):
     out = tmp_path / "out"
     more = ("--preload", "1e9", "--set", "material.hardness_Pa=1e9")  # more than all of it bears

@@ -153,6 +153,7 @@ def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):
     assert (ran.stdout, ran.stderr) == ("", said)
 
 
+@pytest.mark.long
 def test_a_material_that_is_named_beats_what_the_file_says_of_another(tmp_path):
     light = ("--no-figures", "--no-render", "--no-meshes", "--model", "families", "-q")
     for name, options in {
@@ -252,6 +253,7 @@ def test_every_unit_of_a_reader_is_an_option_and_a_setting(unit, tmp_path):
     assert "Invalid value" not in ran.stderr
 
 
+@pytest.mark.long
 def test_reproduce_writes_table_1(tmp_path):
     assert run("reproduce", "-o", tmp_path / "r", "-q").exit_code == 0
     table = json.loads((tmp_path / "r" / "reproduce.json").read_text())["table1"]
@@ -260,6 +262,7 @@ def test_reproduce_writes_table_1(tmp_path):
         assert row["computed_N"] == pytest.approx(row["printed_N"], rel=1.2e-3)
 
 
+@pytest.mark.long
 def test_caps_of_both_faces_count_together(tmp_path):
     light = ("--no-figures", "--no-render", "--json", "--set", "mating.way=together")
     ran = run("analyze", FACE_A, "--mate", FACE_B, "-o", tmp_path / "both", *light)
@@ -268,6 +271,7 @@ def test_caps_of_both_faces_count_together(tmp_path):
     assert (families["m"], families["n"]) == (5, 18)
 
 
+@pytest.mark.long
 def test_export_writes_jenkins_elements(tmp_path):
     light = ("--no-figures", "--no-render", "-q")
     ran = run("analyze", FACE_A, "-o", tmp_path / "a", "--export", "jenkins", *light)

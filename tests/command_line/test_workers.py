@@ -101,6 +101,7 @@ def die_first(folder, name):
     return "second"
 
 
+@pytest.mark.long
 def test_a_call_that_ends_its_child_is_repeated_once(tmp_path):
     assert every(die_first, [(tmp_path, "a"), (tmp_path, "b")], n_workers=2) == {
         (tmp_path, "a"): "second",
@@ -112,6 +113,7 @@ def always_die(_):
     os._exit(1)
 
 
+@pytest.mark.long
 def test_a_call_that_ends_its_child_twice_is_lost():
     (lost,) = every(always_die, [(1,)]).values()
     assert "was ended" in lost.reason

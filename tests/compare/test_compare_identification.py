@@ -220,6 +220,7 @@ def test_curves_are_those_of_the_model_of_the_plane_and_of_the_monolithic_beam(m
     ).all()
 
 
+@pytest.mark.long
 def test_truth_lies_inside_the_error_bars(model, gross_m):
     v_m = np.geomspace(0.02, 0.95, 25) * gross_m
     off = []
@@ -241,6 +242,7 @@ def test_truth_lies_inside_the_error_bars(model, gross_m):
     assert (np.std(off, axis=0) > 0.6).all()
 
 
+@pytest.mark.long
 def test_uncertainty_is_the_spread_over_repeated_measurements(model, gross_m):
     v_m = np.geomspace(0.3, 0.9, 15) * gross_m
     fits = [
@@ -390,6 +392,7 @@ def rough_curve(preload_N):
     return families((5, 18), (23.8 * jump[0], 26.7 * jump[1]), (0, 1e-7), 109.89e9)
 
 
+@pytest.mark.long
 def test_uncertainty_holds_the_truth_where_the_curve_jumps_with_the_preload():
     model = JointModel(rough_curve, KAPPA, K_M, K_S, JOINTS, trials=24, step=2e-2, is_rough=True)
     off, log_std = [], []
@@ -533,6 +536,7 @@ def test_what_the_model_does_not_resolve_is_left_out_of_the_misfit(model, gross_
     assert not compare(measured, model, MU, PRELOAD_N).left_out.any()
 
 
+@pytest.mark.long
 def test_which_points_are_resolved_is_asked_of_what_is_found(model, gross_m):
     """Those given are wrong here, and leave out too few or too many."""
     v_m = np.geomspace(0.02, 0.6, 25) * gross_m
@@ -599,6 +603,7 @@ def test_measurements_are_sorted():
     assert measured.loss_factor.tolist() == [1e-3, 3e-3]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("factor", "missed"), [(30.0, True), (1.5, False)])
 def test_points_that_the_model_misses_by_a_factor_identify_nothing(model, gross_m, factor, missed):
     v_m = np.geomspace(0.05, 0.9, 20) * gross_m

@@ -113,6 +113,7 @@ def test_a_stored_sum_of_two_faces_is_known_as_one(surface, result, tmp_path):
         assert (stored.faces, stored.scans_of_noise) == (faces, of_noise)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_what_holds_a_face_upright_is_at_ease_as_in_its_analysis(tmp_path):
     """The face is stored at its level, which is not the one it was mounted at."""
@@ -201,6 +202,7 @@ def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path)
     assert [len(model.curve(preload_N).radius_m) for preload_N in (1.0, 460.0)] == [2, 3]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_a_map_is_solved_at_every_preload_once(tmp_path, monkeypatch):
     surface = caps_map(CAPS, (50, 75), (4e-4, 4e-4), floor_m=-4e-7)
@@ -237,6 +239,7 @@ def tilted():
     return HeightMap(five.height_m + 3e-6 * 1e-4 * np.arange(300), five.pixel_size_m)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["caps", "interacting", "auto"])
 @pytest.mark.parametrize("given", [HARD, SOFT, UPRIGHT, BESIDE])
 def test_caps_are_levelled_at_every_preload(tilted, tmp_path, model, given):
@@ -269,6 +272,7 @@ def test_an_uneven_joint_is_levelled_under_its_greatest_pressure(tilted, tmp_pat
     assert np.abs(as_stored_m / expected_m - 1.0).max() > 0.04
 
 
+@pytest.mark.long
 def test_friction_and_preload_of_a_face_that_levels_itself_are_found(tilted, tmp_path):
     chosen = ("contact.model=interacting",)
     result_of(tilted, tmp_path / "result", *chosen)
@@ -283,6 +287,7 @@ def test_friction_and_preload_of_a_face_that_levels_itself_are_found(tilted, tmp
     assert found.preload_N == pytest.approx(230.0, rel=0.02)
 
 
+@pytest.mark.long
 def test_result_against_its_own_curve(result, tmp_path):
     folder, analysis = result
     damping = analysis.damping
@@ -300,6 +305,7 @@ def test_result_against_its_own_curve(result, tmp_path):
     assert sum(line.startswith("misfit") for line in lines(found)) == 3
 
 
+@pytest.mark.long
 def test_half_a_comparison_takes_no_place(compared, tmp_path):
     out = tmp_path / "out"
     write_comparison(compared, out)
@@ -320,6 +326,7 @@ def test_half_a_comparison_takes_no_place(compared, tmp_path):
         assert sorted(one.name for one in out.iterdir()) == names
 
 
+@pytest.mark.long
 def test_the_sample_curves_are_those_of_their_joint_as_a_sensor_sees_it(tmp_path):
     given = (f"material.friction_coefficient={FRICTION}", f"contact.preload_N={PRELOAD_N}")
     analysis = result_of(load_surface(SAMPLES / f"{FACE}.h5"), tmp_path / "result", *given)

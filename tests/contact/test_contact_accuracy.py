@@ -223,6 +223,7 @@ def test_a_known_noise_that_the_hills_do_not_show_moves_a_cap_by_itself(known_m,
     assert moved == pytest.approx(beside_the_least(estimate(same, shown_m)), rel=1e-4, abs=1e-9)
 
 
+@pytest.mark.long
 def test_an_interval_holds_the_face_below_known_noise_that_neighbours_share():
     """Smooth on a hill, it moved W of these faces by 12 %, and 1.5 % was said."""
     inside = 0

@@ -38,6 +38,7 @@ def at_ends(analysis):
     return np.count_nonzero(analysis.caps.flags & CapFlag.edge)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(("cut", "non_measured"), [(0, "void"), (1, "unknown"), (2, "void")])
 def test_a_margin_that_was_not_measured_changes_no_answer(cut, non_measured):
@@ -60,6 +61,7 @@ def test_a_margin_that_was_not_measured_changes_no_answer(cut, non_measured):
     assert within.contact.load_point_m == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.long
 def test_the_choice_sees_where_the_rim_of_a_disc_cuts_a_contact():
     y_m, x_m = (np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5) * PIXEL_M[0]
     beyond = np.hypot(x_m - MIDDLE_M[0], y_m - MIDDLE_M[1]) > 0.0198

@@ -94,6 +94,7 @@ def test_forces_and_moments_vanish_to_rounding(seed):
     assert np.abs(gap_m - rest.compression_m).max() < 1e-12 * rest.level_m
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 50), which=st.integers(0, 22), size=st.integers(-9, -3))
 def test_any_start_leads_to_the_same_rest_also_one_in_which_one_cap_touches(seed, which, size):
     k, h, C, arm = face(seed)
@@ -192,6 +193,7 @@ def test_two_caps_opposite_each_other_leave_their_free_slope_as_it_is(turn):
     assert abs(beside @ rest.slope) * 0.02 < 1e-12 * rest.level_m
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_loads_just_beyond_where_a_cap_begins_to_touch_have_a_rest(seed):
     """Its first compression weighs less in the energy than rounding, so the misfit has to fall."""

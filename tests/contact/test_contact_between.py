@@ -112,6 +112,7 @@ def test_none_is_taken_from_a_spline_that_swings_about_a_pit(pixels):
     assert touches_between(pitted, pressed).any() == (pixels > 10)
 
 
+@pytest.mark.long
 def test_a_hill_that_no_pixel_touches_loses_its_energy():
     """Against the waves on half of the pixel, at a tenth and a quarter of mu N."""
     scene = Scene((100, 150), (4e-4, 4e-4), seed=7, roughness_rms_m=2e-7, roughness_length_m=2e-3)
@@ -123,6 +124,7 @@ def test_a_hill_that_no_pixel_touches_loses_its_energy():
     assert lost_J[0] == pytest.approx(lost_J[1], rel=0.02)  # 23 and 7 % less without that hill
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 12])
 def test_a_hill_beside_the_foot_of_another_touches_between_its_pixels(seed):
     """Kinks where hills meet are a few pixels away: without that hill W is 17 to 60 % less."""

@@ -52,6 +52,7 @@ def faces():
     return face, scan
 
 
+@pytest.mark.long
 def test_what_a_blur_has_moved_is_in_the_error_once_the_optics_are_known(faces):
     """Of a map that is smooth, and so thought to be a good one."""
     truth, scan = (pressed(one) for one in faces)
@@ -72,6 +73,7 @@ def test_what_a_blur_has_moved_is_in_the_error_once_the_optics_are_known(faces):
     assert [one for one in said if one is not of_optics] == list(said_without)
 
 
+@pytest.mark.long
 def test_what_the_blur_leaves_is_a_cause_of_its_own(faces):
     curve = pressed(faces[1])
     without, _ = error_of_map(curve, LOAD_N, TOLERANCE)
@@ -87,6 +89,7 @@ def test_what_the_blur_leaves_is_a_cause_of_its_own(faces):
     assert stated.energy == max(error for _, error in stated.energy_by_share)
 
 
+@pytest.mark.long
 def test_what_is_left_is_so_many_times_what_one_more_blur_moves(faces):
     """The blurred map pressed as any other has the stiffness from which that is counted."""
     scan = faces[1]
@@ -112,6 +115,7 @@ def test_the_energy_moves_so_many_times_as_much_as_the_stiffness_at_least(monkey
         assert effect.energy == pytest.approx(BLURRED_95[1] * expected)
 
 
+@pytest.mark.long
 def test_of_round_tops_optics_take_nothing_and_nothing_is_said():
     """A blur lowers a sphere, and leaves its curvature."""
     curve = pressed(synthetic_surface(CAPS)[0])

@@ -214,6 +214,7 @@ def test_slip_of_a_sphere_is_that_of_hertz():
     assert total_m == pytest.approx(0.24 * (2e-3**2 / 20.0 - peak_m), rel=2e-4)
 
 
+@pytest.mark.long
 def test_loss_needs_no_quadrature_and_agrees_with_gauss_points():
     curve = boundary_elements(rough((150, 180), smooth=14.0, pixel_size_m=(1e-4, 1e-4)), E)
     face, N0 = curve.solutions.face, 200.0  # wide enough that the map is not refined
@@ -234,6 +235,7 @@ def test_loss_needs_no_quadrature_and_agrees_with_gauss_points():
         assert curve.withdrawal_m(d0, s) == pytest.approx(e[-1], rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_spring_in_series_changes_displacements_and_no_loss():
     curve = boundary_elements(rough((100, 100), smooth=6.0), E)
     d = float(curve.approach_m(50.0))
@@ -384,6 +386,7 @@ def test_a_load_beyond_any_modulus_is_refused_before_it_overflows(load_N, tiltin
         press_balanced(face, load_N) if tilting else press(face, load_N=load_N)
 
 
+@pytest.mark.long
 def test_coarse_contacts_are_reported():
     coarse = boundary_elements(rough((120, 120), smooth=2.0), E)
     codes = {problem.code for problem in coarse.problems(100.0)}

@@ -186,6 +186,7 @@ def estimate_and_error(surface):
     return analysis.contact.estimated_error, max(errors.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("power", [1.6, 2.5, 3.0])
 def test_a_shape_that_all_hills_share_is_part_of_the_error(power):
     estimate, error = estimate_and_error(hills_of_power(power))
@@ -388,6 +389,7 @@ def test_what_touches_on_a_hill_far_beside_its_contact_is_no_cap_s():
     assert area_m2(burr, 0.5 * approach_m) == 0.0
 
 
+@pytest.mark.long
 def test_a_burr_on_the_flank_of_a_hill_is_not_missed():
     """It carries 1 % of the load, and 13 % of the energy at a quarter of gross slip."""
     tops = (*SPREAD[:1], (0.030, 0.0055, 24.0, 0.46e-6), *SPREAD[2:5], (0.03, 0.03, 20.0, 0.42e-6))

@@ -171,6 +171,7 @@ def losses_J(curve):
     return relative * drop_N**3
 
 
+@pytest.mark.long
 def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
     """Of nine energies, 95 % of which are to be within."""
     off, as_it_was, said = [], [], []
@@ -190,6 +191,7 @@ def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
     assert (np.median(said, axis=0) < [0.2, 0.1, 0.05]).all()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_the_answer_of_a_scan_with_known_noise_is_narrower_and_holds_that_of_the_face():
     preload, known = f"contact.preload_N={LOAD_N}", f"instrument.noise_m={NOISE_M}"

@@ -57,6 +57,7 @@ def test_smooth_caps_are_not_pressed_again(surface, monkeypatch):
     assert stated.energy < TOLERANCE
 
 
+@pytest.mark.long
 def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_own():
     """Against the same waves on half the pixels. Solved on its pixels alone the map is 19 % off."""
     scene = Scene((200, 300), (2e-4, 2e-4), seed=4, roughness_rms_m=2e-7, roughness_length_m=2e-3)
@@ -84,6 +85,7 @@ def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_ow
     assert stated.greatest < TOLERANCE < said.effect.energy
 
 
+@pytest.mark.long
 def test_a_map_that_is_rough_from_pixel_to_pixel_is_pressed_on_halves_of_them():
     """Contacts of 2.5 pixels: on whole ones the energy at a quarter of mu N is 33 % off."""
     scene = Scene((80, 120), (2e-4, 2e-4), seed=3, roughness_rms_m=2e-7, roughness_length_m=6e-4)
@@ -110,6 +112,7 @@ def test_no_spline_goes_through_a_step_in_the_contact(stands_m, refinement):
     assert bem.boundary_elements(stands, E_STAR_PA).unloading(140.0).refinement == refinement
 
 
+@pytest.mark.long
 def test_detail_that_is_smooth_from_pixel_to_pixel_is_a_note_where_the_force_asked_for_is_known():
     """Pixels leave more than half the tolerance at a tenth of mu N, less than it at a quarter."""
     scene = Scene((100, 150), (2e-4, 2e-4), seed=2, roughness_rms_m=2e-7, roughness_length_m=1e-3)
@@ -197,6 +200,7 @@ def test_the_noise_that_is_asked_for_is_that_of_one_scan_of_two_faces():
     assert less_noise(2.9, taken, 1e-4, faces=2).endswith("--set instrument.noise_m=4.7e-10")
 
 
+@pytest.mark.long
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):
     """No filter moves smooth caps: what is said is what their pixels leave."""
     curve = solved(surface)
@@ -209,6 +213,7 @@ def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warn
         assert said[0].effect.energy == pytest.approx(np.expm1(left)) or not warned
 
 
+@pytest.mark.long
 def test_noise_on_them_is_warned_and_its_error_stated(surface):
     """At each force, on each of four draws; an energy that one force hardly moves, others do."""
     clean, times = detail._loss_J(solved(surface).unloading(LOAD_N)), []
@@ -302,6 +307,7 @@ def test_what_is_doubted_at_a_force_is_what_is_left_there_and_no_more_is_asked_b
         assert ("ask at a greater force" in said.step) == (share < 1.0)
 
 
+@pytest.mark.long
 def test_errors_of_a_map_tell_what_is_left_at_any_force(surface):
     """Pixels of smooth caps leave less, the more slips: at a greater force it is no warning."""
     curve = solved(surface)

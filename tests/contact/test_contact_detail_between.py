@@ -36,6 +36,7 @@ def losses_J(curve):
     return curve.loss_integral_at_drop_J(approach_m, np.array(SHARES) * LOAD_N)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_a_rough_face_of_coarse_points_is_doubted_as_much_as_it_is_off(seed):
     true, _ = pressed(face(seed, 0.8, 2.0, 2e-7), (0.0, 0.0))
@@ -48,6 +49,7 @@ def test_a_rough_face_of_coarse_points_is_doubted_as_much_as_it_is_off(seed):
     assert stated.stiffness < 0.5 * stated.energy_at(0.25)
 
 
+@pytest.mark.long
 def test_a_smooth_face_of_coarse_points_is_doubted_as_if_it_were_measured():
     curve, both = pressed(face(5, 0.8, 9.0, 2e-7, 2), (-0.5 * D_M, 0.5 * D_M))
     assert both.between

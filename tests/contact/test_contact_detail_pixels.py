@@ -102,6 +102,7 @@ def test_a_map_that_lies_another_way_is_thinned_to_the_same(monkeypatch):
         assert effect(turn) == pytest.approx(as_it_lies, rel=1e-9)
 
 
+@pytest.mark.long
 def test_both_thinned_maps_count_as_the_root_of_their_mean_square(monkeypatch):
     given = asked_of_half()
     below, of_each = detail._below, []
@@ -124,6 +125,7 @@ def test_both_thinned_maps_count_as_the_root_of_their_mean_square(monkeypatch):
     assert tuple(found) == detail.FORCE_SHARES
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("on_pixels")
 def test_energies_of_faces_that_yield_are_within_what_is_said_of_their_pixels():
     """Against a third of the pixels; the ring of a smooth contact alone says too little."""
@@ -165,6 +167,7 @@ def test_flats_on_pixels_are_compared_with_flats_on_pixels(hardness_Pa, most, mo
     assert finest == [most, most]
 
 
+@pytest.mark.long
 def test_energies_of_refined_flats_are_nearer_and_within_what_half_the_points_tell():
     """Against a third of the pixels, refined as well; half of mu N was 7 to 50 % off on pixels."""
     fine = waves(4)
@@ -238,6 +241,7 @@ def ridge(offset, finer=1, shape=(33, 61), pixel_m=1e-6):
     return HeightMap(height_m, (pixel_m / finer,) * 2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("load_N", "refined"), [(0.1, True), (1.0, False)])
 def test_energies_of_a_ridge_along_the_rows_are_within_what_is_said_of_its_pixels(load_N, refined):
     """Wherever it lies between the rows; the ring of round contacts says less than they are off."""

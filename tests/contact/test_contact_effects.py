@@ -224,6 +224,7 @@ def without_top(surface, at_m, radius_m):
     return replace(surface, height_m=np.where(lost, np.nan, surface.height_m))
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize("words", [(), ("contact.model=boundary_elements",)])
 @pytest.mark.parametrize("at_m", [MORE[4][:2], MORE[5][:2]])
@@ -238,6 +239,7 @@ def test_a_top_that_a_hole_took_is_put_back_by_its_flanks(at_m, words):
     assert said.effect.energy > 0.5 * abs(moved_energy(lost, whole))
 
 
+@pytest.mark.long
 @ON_FEWER
 def test_a_top_that_caps_know_moves_them_not_but_the_map_that_lacks_it():
     """The hole begins beside the apex: the crown that is left tells it, and half of it bears."""
@@ -330,6 +332,7 @@ ON_BOTH = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.long
 @ON_FEWER
 @ON_BOTH
 @pytest.mark.parametrize("form", ["quadratic", "cylinder", "polynomial"])
@@ -354,6 +357,7 @@ def test_a_form_that_follows_the_hills_moves_what_that_of_the_floor_moves(form, 
     assert said.effect.energy == pytest.approx(more, rel=0.1)
 
 
+@pytest.mark.long
 @ON_FEWER
 @ON_BOTH
 def test_a_bow_of_the_floor_moves_what_the_form_of_the_floor_takes_off(model, rows):
@@ -411,6 +415,7 @@ def test_a_bow_that_hides_hills_below_the_cut_has_no_effect_that_caps_tell():
     assert effect_of(hidden, "bow_left").effect is None
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize(
     ("model", "points", "pressed"),
@@ -465,6 +470,7 @@ def in_one_field(model, points):
     return level, found(level, f"contact.model={model}")
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize("rise_m", [0.0, 2e-7])
 @pytest.mark.parametrize(("model", "points"), [("interacting", 120), ("boundary_elements", 72)])
@@ -531,6 +537,7 @@ def test_a_burr_is_the_same_under_a_mirror():
     assert np.ptp(seen, axis=0) == pytest.approx(0.0, abs=1e-3 * max(seen[0]))
 
 
+@pytest.mark.long
 @ON_FEWER
 def test_a_bow_of_the_map_moves_what_its_removal_moves():
     """The map answers, and is small enough not to be coarsened: both see the same two maps."""
@@ -557,6 +564,7 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
     assert said(min(1.1 * more, 0.99)).severity == "info"
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize("width", [3, 5])
 def test_a_grain_that_was_taken_off_moves_what_it_moves_on_the_map_itself(width):
@@ -588,6 +596,7 @@ def test_points_that_stand_off_both_ways_are_errors_and_no_burrs():
         assert ("no burrs" in said.message) == (severity == "info")
 
 
+@pytest.mark.long
 def test_thousands_of_errors_move_nothing_and_pillars_are_told():
     """Spikes of single points, one in twenty; then as many points that are pairs, or all up."""
     surface, rng = face(MORE), np.random.default_rng(4)
@@ -611,6 +620,7 @@ def test_thousands_of_errors_move_nothing_and_pillars_are_told():
             assert said.effect.energy > 0.05  # if they were burrs
 
 
+@pytest.mark.long
 @ON_FEWER
 def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
     """On pixels that are longer than wide, two and three of which hold one measured point."""
@@ -649,6 +659,7 @@ PRESSED = ("contact.preload_N=60", "contact.model=boundary_elements")
 FEWER = (*PRESSED, "conditioning.resample_to=[40,50]")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "length_m", "severity"),
     [(5, 3e-3, "info"), (4, 3e-3, "warning"), (6, 2e-3, "warning")],
@@ -671,6 +682,7 @@ def test_fewer_points_move_what_all_that_were_measured_change(seed, length_m, se
 FILTER = "conditioning.l_filter_nesting_index_m"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("made", "index_m", "severity"),
     [
@@ -698,6 +710,7 @@ def test_a_filter_of_long_waves_lowers_caps_and_makes_them_sharper(peaks, index_
     assert_moves(other, whole, severity, 0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("made", "model", "form"),
     [
@@ -714,6 +727,7 @@ def test_a_form_moves_what_the_face_less_a_plane_alone_changes(made, model, form
     assert_moves(other, whole, "warning", 0.2, "form_taken_off")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("more", ["form=plane", "form=none", "form=polynomial"])
 def test_a_plane_is_no_form_that_moves_anything(more):
     words = [f"conditioning.{more}", *["conditioning.form_degree=1"] * ("poly" in more)]
@@ -722,6 +736,7 @@ def test_a_plane_is_no_form_that_moves_anything(more):
     assert "form_taken_off" not in {problem.code for problem in one.problems}
 
 
+@pytest.mark.long
 def test_a_form_that_is_known_whose_it_is_is_noted_with_what_it_moves():
     """A bow that the instrument makes of a flat; a sphere that is most of the relief."""
     bow = "instrument.flatness_deviation_m=1e-6"
@@ -757,6 +772,7 @@ def test_a_filter_that_takes_nothing_off_is_no_doubt():
     assert "long_waves_filtered" not in {problem.code for problem in one.problems}
 
 
+@pytest.mark.long
 def test_forms_by_which_scans_differ_may_move_what_bows_of_their_mean_change():
     """Of the map as it is said to be, as the instrument were; what that makes of a flat wins."""
     mean, given = of_waves(4), "instrument.flatness_deviation_m=4e-8"
@@ -803,6 +819,7 @@ def test_noise_that_a_filter_takes_off_is_no_wave_of_the_face(known):
     assert said.effect.energy == pytest.approx(moved, abs=0.02)
 
 
+@pytest.mark.long
 def test_noise_that_a_filter_took_off_is_in_no_error():
     """What is left of it is: it counted whole, and warned, and that of a file not at all."""
     surface, words = of_waves(5, noise_m=2e-9), (*PRESSED, f"{S_FILTER}=1e-3")
@@ -867,6 +884,7 @@ def test_caps_keep_their_radii_on_fewer_points_and_are_not_asked():
     assert "resampled_coarser" not in {one.code for one in found(of_waves(4), *words).problems}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("known", [True, False])
 def test_noise_that_fewer_points_average_over_is_no_wave_that_they_lack(known):
     """Known or not: left on the map that was measured it would move the energy by 8 %."""
@@ -881,6 +899,7 @@ def test_noise_that_fewer_points_average_over_is_no_wave_that_they_lack(known):
     assert max(true, said.effect.energy) < 0.04
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize(("missing", "severity"), [(0.5, "info"), (0.98, "warning")])
 def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, severity):

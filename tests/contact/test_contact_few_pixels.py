@@ -31,6 +31,7 @@ def found_and_true(seed, length_m, load_N):
     return scan, abs(stiffness), detail._relative(*map(detail._loss_J, (found, true)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "length_m", "load_N"),
     [(41, 2e-3, 5.0), (44, 2e-3, 5.0), (43, 1e-3, 10.0), (45, 1e-3, 10.0)],
@@ -59,6 +60,7 @@ def test_where_it_does_not_pixels_leave_in_the_stiffness_what_they_do_in_all_ene
     assert "warning" in {one.severity for one in problems}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "load_N"), [(61, 2.0), (65, 0.6), (66, 0.2), (67, 2.0)])
 def test_of_a_smooth_map_any_pixels_are_enough(seed, load_N):
     """Four to ten of them; on six points a pixel a tenth of mu N was 10 % off in the median."""
@@ -102,6 +104,7 @@ def test_fewer_than_eight_pixels_of_noise_are_too_few():
         curve.unloading(too_little_N)
 
 
+@pytest.mark.long
 def test_what_a_few_pixels_of_a_rough_map_leave_is_stated():
     """Caps answered for them, with no error known: the stiffness up to twice too great."""
     for seed in range(3):
@@ -166,6 +169,7 @@ def test_where_no_pixel_lets_go_the_energy_is_anything_in_its_rectangle(load_N, 
         assert not any("rectangle" in one for one in said)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", [None, 0.8])
 @pytest.mark.parametrize(("across", "off"), [(1.5, 0.3), (4.0, 0.02)])
 def test_area_and_greatest_pressure_of_few_pixels_are_those_of_hertz(across, off, hardness):

@@ -180,6 +180,7 @@ def by_hand(pressures, shares, *given):
     return np.append(np.interp(asked_N, force_N, energy_J), stiffness)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("more", [(), ("material.hardness_Pa=2e8",)])
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
@@ -431,6 +432,7 @@ def test_what_was_written_loads_again_with_its_pressure(tmp_path):
     assert again.contact.nominal_pressure_Pa == 250e3
 
 
+@pytest.mark.long
 def test_a_stored_joint_is_compared_as_it_was_analysed(tmp_path):
     rows = [f"{100e3 * (i + 1)},1e-4" for i in range(3)]
     mapped = pressure_file(tmp_path, *rows, header="pressure_Pa,area_m2")
@@ -447,6 +449,7 @@ def test_a_stored_joint_is_compared_as_it_was_analysed(tmp_path):
         ) == pytest.approx(whole[at], rel=3e-3)
 
 
+@pytest.mark.long
 def test_a_face_cut_in_four_loses_as_the_whole_but_for_what_its_contacts_leave_out():
     rng = np.random.default_rng(1)
     z = gaussian_filter(rng.standard_normal((240, 240)), 4, mode="wrap")

@@ -147,6 +147,7 @@ def test_contacts_are_as_the_map_that_holds_them():
     assert abs(punch.deviator - exact.deviator) < 0.02 * abs(exact.deviator)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ratio", [1.0, 4.0])
 def test_caps_along_x_have_the_kappa_of_their_ellipse(ratio):
     surface = caps_of(ratio)
@@ -178,6 +179,7 @@ def test_a_cap_that_is_a_sphere_has_the_kappa_of_a_circle():
     assert given.composite.kappa == pytest.approx(STEEL.kappa, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
 def test_symmetries(model):
     surface, given, close = caps_of(3.0, 0.4), ("contact.model=interacting",), 1e-9
@@ -322,6 +324,7 @@ def test_scans_of_one_joint_have_the_kappa_of_their_stiffness():
     assert min(kappas) < both.slip.kappa < max(kappas)
 
 
+@pytest.mark.long
 def test_a_stored_result_keeps_its_direction(tmp_path):
     analysis = found(caps_of(6.0), "contact.model=caps", "run.render=false", direction=0.0)
     write(analysis, tmp_path / "face")
@@ -372,6 +375,7 @@ def under(pressure_Pa, *given):
     return analyze_once(CROSSED, settings)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("given", [(one, *AS_LEVELLED) for one in ALL] + [ALL[:1], ALL[2:3]])
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=1.5e9",)])
@@ -425,6 +429,7 @@ def test_a_stored_joint_slips_with_the_kappa_of_each_pressure(tmp_path):
                 assert getattr(slip, of)(force_N) == pytest.approx(expected, rel=2e-3), (name, of)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("given", [ALL[:1], (ALL[1], *AS_LEVELLED), (ALL[2], *AS_LEVELLED)])
 def test_each_pressure_of_a_law_slips_with_the_kappa_of_an_analysis_there(given):

@@ -110,6 +110,7 @@ def test_a_plane_added_to_a_map_of_caps_comes_out_as_tilt(across_m, form):
         assert tilt(other) == pytest.approx(tilt(flat) - slope, abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_plane_added_to_waves_changes_nothing():
     """Ten times their relief across the face."""
     added = turned(few_waves(), (-3e-5 / 0.06, 2e-5 / 0.04), (0.0, 0.0))
@@ -151,6 +152,7 @@ def test_all_lengths_times_a_number_change_no_decision(times, seed):
     assert (other.families.m, other.families.n) == (one.families.m, one.families.n)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("of", [face, waves])
 def test_caps_that_run_together_wait_for_no_rest_where_the_map_is_pressed(of):
     """Near their rest they stay where the map begins; far from it they are left. Neither counts."""
@@ -189,6 +191,7 @@ def test_points_that_never_touch_do_not_matter():
     assert np.abs(moved).max() > 0.1  # as levelled, they do
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("of", "rel", "ratio"), [(face, 1e-3, 0.05), (face, 1e-3, 0.3), (few_waves, 1e-2, 0.3)]
 )
@@ -321,6 +324,7 @@ def test_a_face_whose_hills_tip_over_rests_on_more_than_its_hills_where_there_is
     assert np.abs(found.contact.eccentricity_m).max() < 1e-6
 
 
+@pytest.mark.long
 def test_whether_caps_find_a_level_is_no_doubt_of_a_map_that_finds_its_balance():
     """Waves whose caps find a level or tip over by a hair: mirrored or scaled they are the same.
 

@@ -149,6 +149,7 @@ def test_a_flat_punch_loses_nothing_before_it_slips_as_a_whole():
     assert loss.max() < 1e-200
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("correlation_px", [1.5, 5.0])
 def test_a_rough_face_between_its_solved_loads(correlation_px):
     """Contacts of a few pixels, of which each by itself is no Hertz contact, and wide ones."""
@@ -199,6 +200,7 @@ def solved_at(path, share):
     return path.pressed.load_N - node.load_N, node.region_loss_J.sum()
 
 
+@pytest.mark.long
 def test_the_error_holds_where_few_pixels_slip():
     """Faces of 100 to 200 pixels in contact, most of which no force below 0.3 mu N resolves.
 
@@ -264,6 +266,7 @@ def test_the_bend_between_two_loads_bounds_their_loss():
         assert 0 < abs(off) < most
 
 
+@pytest.mark.long
 def test_a_pixel_that_is_about_to_let_go_leaves_no_loss_out():
     """At 0.15 mu N a solution to 1e-7 keeps two pixels, and would lose 7 % of the loss."""
     face = rough_face(1, 1.5)
@@ -302,6 +305,7 @@ def test_no_loads_are_solved_that_are_too_close_to_tell_a_loss():
     assert np.abs(np.diff(np.sort(withdrawal))).min() > 0.49 * CLOSEST
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "correlation_px"), [(0, 2.0), (1, 8.0)])
 def test_four_forces_alone_take_four_solutions(seed, correlation_px):
     """A loss follows from the states at its ends, not from those between."""

@@ -63,6 +63,7 @@ def asked_anew(load_N, hardness_Pa):
     return asked(boundary_elements(FOUR, E, **given).at_forces((SHARE, 0.75)), load_N)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("hardness_Pa", [np.inf, 3e7])
 @pytest.mark.parametrize(
@@ -77,6 +78,7 @@ def test_near_is_what_the_map_says_that_is_loaded_anew(hardness_Pa, of_load, of_
     assert asked(found, of_load * N) == pytest.approx(anew, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(
     ("of_load", "of_hardness"), [(0.1, 1.0), (1.0, 1.3), (1.0, 0.8), (1.4, 1.1)]
@@ -175,6 +177,7 @@ def test_a_hill_that_only_more_load_reaches_carries_there():
     assert asked(found, 1.3 * N) == pytest.approx(asked(more, 1.3 * N), rel=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_a_hill_that_only_more_load_reaches_carries_there_where_most_yields():
     def pressed(summits, load_N):
@@ -194,6 +197,7 @@ def test_a_hill_that_only_more_load_reaches_carries_there_where_most_yields():
     assert asked(found, 1.3 * N) == pytest.approx(anew, rel=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_loads_on_either_side_are_found_as_each_for_itself():
     first = loaded_first(3e7, balanced=False)

@@ -54,6 +54,7 @@ def solved_J(curve):
     return np.array([path.at(share).region_loss_J.sum() for share in SHARES])
 
 
+@pytest.mark.long
 def test_the_energies_of_noisy_maps_scatter_as_the_first_order_says(clean):
     """Within a factor of two: of ten maps it is good to 22 %, and neighbours tell it to 30 %."""
     rng, noise_m = np.random.default_rng(5), 1e-9
@@ -111,6 +112,7 @@ def correlated(rng, length, shape=WAVES.shape):
     return noise / noise.std()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("length", [1, 8])
 def test_the_energies_of_maps_with_correlated_noise_scatter_as_the_first_order_says(clean, length):
     """Of eight maps it is good to 25 %, the slopes between these loads tell it to 50 %."""
@@ -127,6 +129,7 @@ def test_the_energies_of_maps_with_correlated_noise_scatter_as_the_first_order_s
     assert (ratio < 2.0).all()
 
 
+@pytest.mark.long
 def test_noise_without_correlation_is_the_white_one_and_long_noise_is_a_shift(clean):
     """A length far below a pixel changes nothing; one far above a contact moves it as a whole."""
     path = Path(clean.solutions.face, clean.pressed(LOAD_N), 1e-9, on_patches=True)
@@ -163,6 +166,7 @@ def test_where_points_are_too_few_to_tell_all_of_the_noise_counts():
     assert noise_by_length_m(face, reach_m, 2e-9)[0] == pytest.approx(2e-9)
 
 
+@pytest.mark.long
 def test_noise_that_is_known_is_in_the_stated_error_though_it_be_correlated():
     """One per cent of the approach, as measured again and again: the truth is within at 95 %."""
     flat, rng = pressed(0.0), np.random.default_rng(11)
@@ -201,6 +205,7 @@ def test_what_is_rougher_than_the_noise_that_is_known_is_the_face_itself():
     assert known.stiffness == pytest.approx(0.01)
 
 
+@pytest.mark.long
 def test_noise_that_is_asked_for_is_that_of_one_scan_where_the_map_is_the_sum_of_two(monkeypatch):
     monkeypatch.undo()  # what is asked for is decided by what as many points as ever leave
     noise_m = 2e-10 * np.random.default_rng(13).standard_normal(WAVES.shape)
@@ -225,6 +230,7 @@ def smooth_waves():
     return analyze(synthetic_surface(replace(WAVES, seed=4))[0], load_settings())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["boundary_elements", "auto"])
 def test_the_noise_of_the_instrument_reaches_the_model(model):
     """Whether it is forced or chosen."""
@@ -236,6 +242,7 @@ def test_the_noise_of_the_instrument_reaches_the_model(model):
     assert noisy.contact.stiffness_N_per_m == smooth.contact.stiffness_N_per_m
 
 
+@pytest.mark.long
 def test_noise_is_stated_by_whichever_model_answers():
     """On few pixels a hill of noise, as measured again and again: the truth is within at 95 %.
 

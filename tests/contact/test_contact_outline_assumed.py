@@ -107,6 +107,7 @@ def test_a_lost_corner_of_a_face_warns_and_tells_what_its_hills_move():
     assert not said_of(whole)
 
 
+@pytest.mark.long
 def test_a_disc_is_a_note_and_what_holds_no_hill_is_none():
     (problem,) = said_of(analysed(without(R_M > 15e-3)))
     assert problem.severity == "info"

@@ -225,6 +225,7 @@ def test_gaps_left_under_the_preload_are_heights_so_that_its_state_is_exact(monk
         assert one.region_loss_J.sum() == pytest.approx(other.region_loss_J.sum(), rel=2e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("most", "largest", "ratio"),
     [(1, 0.5, 1.0), (6, 0.03, 1.0), (1, 0.5, 16.0), (6, 0.03, 1 / 8)],
@@ -480,6 +481,7 @@ def test_far_from_all_that_is_known_the_nearest_stands_for_what_was_lost():
     assert (filled_m[:, 11:] == 2.0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, 5])
 def test_points_that_were_lost_beside_contacts_hardly_move_the_slip(seed):
     """A map with them was not refined: its energies were off by 1 to 33 %."""
@@ -526,6 +528,7 @@ def test_points_lie_between_others_where_no_wider_hole_is():
     assert [tuple(one) for one in np.argwhere(patching._lost_singly(measured))] == sorted(single)
 
 
+@pytest.mark.long
 def test_between_refined_patches_fewer_nodes_tell_the_same_slip(monkeypatch):
     """What each contact does to the others is smooth, and hardly goes as the load does."""
     face = replace(elastic_face(waves((200, 240), 5, seed=4), 115e9), hardness_Pa=1e8)

@@ -84,6 +84,7 @@ FINITE_ELEMENTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("over_hardness", FINITE_ELEMENTS)
 def test_the_interval_of_a_map_that_yields_holds_finite_elements(over_hardness):
     load_N, hardness_Pa, flat_m = pressed(over_hardness)
@@ -106,6 +107,7 @@ def test_the_interval_of_a_map_that_yields_holds_finite_elements(over_hardness):
     assert warned == (K / K_of_map > 1.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("over_hardness", FINITE_ELEMENTS)
 def test_a_map_that_yields_loses_what_finite_elements_do(over_hardness):
     """Of contacts of the radius that it has."""
@@ -122,6 +124,7 @@ def test_a_map_that_yields_loses_what_finite_elements_do(over_hardness):
     assert abs(off[0]) < 0.12
 
 
+@pytest.mark.long
 def test_at_a_given_displacement_force_and_energy_move_as_the_curve_does():
     load_N, hardness_Pa, _ = pressed(1.961)
     asked = analysis_of(load_N, hardness_Pa)
@@ -135,6 +138,7 @@ def test_at_a_given_displacement_force_and_energy_move_as_the_curve_does():
     assert low <= stiffer * asked.answer.energy_J <= high
 
 
+@pytest.mark.long
 def test_a_map_that_stays_elastic_answers_as_it_did():
     load_N, _, _ = pressed(0.5)
     elastic, hard = (analysis_of(load_N, one) for one in (None, 1e10))
@@ -146,6 +150,7 @@ def test_a_map_that_stays_elastic_answers_as_it_did():
     assert "face with its hardness" in hard.verdict or "usable with care" in hard.verdict
 
 
+@pytest.mark.long
 def test_where_all_is_plastic_the_areas_agree_and_a_part_of_the_logarithm_is_open():
     load_N, hardness_Pa, _ = pressed(8.0)
     curve = boundary_elements(sphere(), E, preload_N=load_N, hardness_Pa=hardness_Pa)
@@ -240,6 +245,7 @@ def test_elastic_contacts_that_sink_each_other_are_those_of_interacting_caps():
     assert loss / E == pytest.approx(curve.loss_integral_at_drop_J(d, drop_N), rel=2e-3)
 
 
+@pytest.mark.long
 def test_a_map_of_unlike_spheres_loses_what_contacts_of_metal_lose_together():
     """One heavy contact that has yielded and two light ones, each of the area that the map has."""
     pixel_m, a_m = 1e-6, 20e-6
@@ -273,6 +279,7 @@ def test_a_map_of_unlike_spheres_loses_what_contacts_of_metal_lose_together():
     assert (of_hertz / E > 1.1 * of_map_J).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["interacting", "caps"])
 def test_the_interval_of_caps_that_yield_lies_where_metal_loses(model):
     """Whoever chose the caps: less energy than that of Hertz contacts, and as much as is stated."""
@@ -294,6 +301,7 @@ def test_the_interval_of_caps_that_yield_lies_where_metal_loses(model):
     assert found.band.contributions["energy_J"]["plastic_law"] > 0.1
 
 
+@pytest.mark.long
 def test_contacts_count_each_by_its_own_pressure():
     """Of two spheres, one far below yield, half the load is as unsure as of the other alone."""
     load_N, hardness_Pa, _ = pressed(1.4)
@@ -337,6 +345,7 @@ def top_of(power, E_over_H):
     return HeightMap(-PIXEL_M * r**power, (PIXEL_M, PIXEL_M)), E / E_over_H
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("power", TOPS)
 def test_how_blunt_a_top_is_tells_the_closed_form(power):
     surface, hardness_Pa = top_of(power, {1: 40.0, 2: 30.0, 4: 15.0}[power])
@@ -361,6 +370,7 @@ def test_how_blunt_a_top_is_tells_the_closed_form(power):
         assert (law.left_open > -UNLOADING_95 * alike).all()
 
 
+@pytest.mark.long
 def test_what_areas_move_counts_as_contacts_are_withdrawn_together():
     """Light contacts that have not yielded lose most: wider heavy ones leave them less to lose."""
     load_N, hardness_Pa, _ = pressed(1.4)

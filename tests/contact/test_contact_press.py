@@ -89,6 +89,7 @@ def of_bulk(analysis):
     return found
 
 
+@pytest.mark.long
 def test_a_bulk_term_that_the_greatest_load_of_a_cycle_leaves_nothing_of_is_kept():
     given = ("contact.preload_N=11000", "contact.model=interacting")
     constant = run(*given, caps=SPREAD, by=analyze_once)
@@ -103,6 +104,7 @@ def test_a_bulk_term_that_the_greatest_load_of_a_cycle_leaves_nothing_of_is_kept
     assert math.isfinite(varied.summary()["slip"]["total_slip_displacement_m"])
 
 
+@pytest.mark.long
 def test_a_bulk_term_that_cannot_be_taken_out_is_said():
     given = ("contact.preload_N=60000", "contact.model=interacting")
     kept = run(*given, caps=SPREAD, by=analyze_once)
@@ -205,6 +207,7 @@ def test_the_approach_without_bulk_is_absent_where_it_would_be_negative():
     assert rest[1.01].approach_without_bulk_m is None
 
 
+@pytest.mark.long
 def test_caps_answer_where_noise_decides_on_the_map():
     """Fits average over noise that the map's own contacts feel: they are nearer to the face."""
     clean, noise = caps_map(CAPS, SHAPE, PIXEL_M), np.random.default_rng(2)

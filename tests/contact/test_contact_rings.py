@@ -39,6 +39,7 @@ def answers(height_m, *words):
     return found, np.append(energy_J, found.contact.stiffness_N_per_m)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
 @pytest.mark.parametrize("scene", [one_ring, nine_rings])
 def test_a_ring_is_pressed_as_a_map_and_the_same_in_any_view(scene, alignment):

@@ -234,6 +234,7 @@ def test_what_makes_no_joint_of_scans_is_refused(overrides, count, says):
         analyze_scans([caps_map(CAPS, (240, 240))] * count, settings)
 
 
+@pytest.mark.long
 def test_a_face_cut_in_four_is_the_sum_of_its_parts_and_the_whole_but_for_its_contacts():
     rng = np.random.default_rng(1)
     z = gaussian_filter(rng.standard_normal((240, 240)), 4, mode="wrap")

@@ -170,6 +170,7 @@ def test_a_lowered_face_counts_from_its_own_first_touch():
     assert np.ptp(lowered.depth_m - face.depth_m) == pytest.approx(8e-8, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_a_rough_face_under_the_same_load_again_is_as_it_was(seed):
     """Its contacts are what they were, and what has not quite settled stays."""

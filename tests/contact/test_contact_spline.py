@@ -80,6 +80,7 @@ def energies_J(surface, load_N, scan=None):
     return detail._loss_J(curve.unloading(load_N))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [8, 10, 12])
 def test_contacts_of_few_pixels_slip_as_those_of_finer_ones(seed):
     scan = boundary_elements(rough(seed), E, preload_N=200.0)

@@ -319,6 +319,7 @@ def test_reference_faces_free_to_tilt(name):
         assert slip.energy_at_force_J(row["force_N"]) == pytest.approx(row["energy_J"], rel=5e-3)
 
 
+@pytest.mark.long
 @pytest.mark.scans
 def test_a_real_face_balances_with_a_soft_hold(scans):
     """On few contacts a solution leaves more of its resultant than it may: it is put in place."""

@@ -156,6 +156,7 @@ def test_a_load_that_slips_first_is_not_left_to_heavy_ones():
     assert standing_for(load_N, np.ones(31), 3)[0] == 0.5
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("yields", [False, True])
 def test_few_solved_pressures_stand_for_many(tmp_path, monkeypatch, yields):
@@ -205,6 +206,7 @@ def test_patches_too_light_for_the_pixels_are_scaled_and_said(tmp_path):
     assert note.effect.tangential_stiffness == pytest.approx(np.log1p(light), rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(
     ("hardness", "noise_m"), [((), 0.0), (("material.hardness_Pa=4e8",), 0.0), ((), 2e-9)]

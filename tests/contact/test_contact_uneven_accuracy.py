@@ -236,6 +236,7 @@ def test_long_waves_count_over_the_approach_of_the_patches_that_lose(monkeypatch
         assert [one.code for one in problems_of_waves(joint, heavy, None)] == said
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 def test_a_lighter_patch_has_its_own_contacts_and_approach():
     """Under a load that the heaviest has not: the same as a scan under that alone."""

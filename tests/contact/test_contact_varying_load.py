@@ -239,6 +239,7 @@ def test_the_cycles_of_a_curve_are_followed_once_for_all_coefficients(monkeypatc
     assert len(followed) > n_followed
 
 
+@pytest.mark.long
 def test_the_model_and_its_error_are_those_of_the_constant_load():
     face = load_surface(FACE)
     still, moved = (

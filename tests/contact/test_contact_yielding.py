@@ -57,6 +57,7 @@ def test_equal_laws_are_searched_for_their_yield_once(monkeypatch):
     assert fit(harder, harder._w_t)[0] == pytest.approx(harder._w_t**1.5, rel=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", LAWS)
 def test_load_area_and_mean_pressure_rise_without_a_jump(law):
     loads_N = np.geomspace(1e-9, 1e9, 400_001)
@@ -422,6 +423,7 @@ def test_a_cap_that_yields_is_no_wider_than_it_was_a_sphere(model, of_most):
         assert contact().contact_area_m2 == pytest.approx(load_N / H, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
 def test_a_soft_face_is_wider_in_contact_and_loses_less_at_given_force(alignment):
@@ -473,6 +475,7 @@ ROUND = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(("hardness", "off"), [(None, 0.01), (5e6, 0.06)])
 def test_a_face_of_caps_finds_the_level_and_stiffness_of_its_map(hardness, off):
@@ -494,6 +497,7 @@ def test_a_face_of_caps_finds_the_level_and_stiffness_of_its_map(hardness, off):
     assert caps_m == pytest.approx(map_m, abs=2e-9 if hardness is None else 1.5e-8)
 
 
+@pytest.mark.long
 def test_the_estimated_error_holds_how_yielded_caps_unload():
     estimates = {}
     for hardness in (3e6, 1e9):

@@ -69,6 +69,7 @@ def test_flats_are_followed_more_finely_than_the_hills_on_which_a_load_left_them
     assert refined[2] > 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("balanced", [False, True])
 def test_refined_flats_are_those_of_the_load_on_finer_pixels(balanced):
     """Where points yield they bear what metal does, and elastic pressures hold the flats there."""
@@ -113,6 +114,7 @@ def metal_unloading(over_hardness, load_N, a_m):
     return e_m, drop_N, 8.0 * stored_J - 4.0 * drop_N * e_m
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("load_N", "pixel_m", "off_m"),
     [(2.0, 4e-6, (0.0, 0.0)), (2.0, 1e-5, (3e-6, 1e-6))],
@@ -281,6 +283,7 @@ def test_a_map_that_cannot_bear_the_load_is_refused():
         boundary_elements(rough(24, 0), E, hardness_Pa=1e8)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
 def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
@@ -334,6 +337,7 @@ def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
             contact.curve_after(0.4 * load_N)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "stiffness"),
     [("milled_like_arcs_1.opd", 1.2e13), ("ski_base_stone_ground_alicona.x3p", 6.45e12)],

@@ -89,6 +89,7 @@ def test_every_format_is_read_back_by_a_test():
     assert set(registry.names(FOLDER)) == {*READ, "x3p", "csv", "gwy"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", READ)
 def test_a_mesh_reads_back_to_the_same_face(name, result, stored, tmp_path):
     height_m, (dy_m, dx_m) = stored

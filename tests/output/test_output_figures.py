@@ -45,6 +45,7 @@ def visible_texts(axes):
     return [text for text in texts if text.get_visible() and text.get_text()]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["flat", "families", "interacting", "mean_field"])
 def test_every_model_can_be_drawn(model, several, tmp_path):
     """What others read too, the sensitivity, is drawn of the first, which lacks most."""
@@ -71,6 +72,7 @@ def page(several, tmp_path_factory):
     return saved
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["none", "one", "several"])
 def test_what_exists_is_drawn_and_nothing_else(name, page, tmp_path):
     if name == "several":
@@ -162,6 +164,7 @@ def test_dashed_means_are_those_of_the_points_drawn(several):
     assert words.count("mean of a family") == 1
 
 
+@pytest.mark.long
 def test_an_extrapolated_loss_is_drawn_pale():
     analysis = output_cases.pressed_map()
     least = analysis.contact.rung.least_share(analysis.contact.normal, analysis.contact.preload_N)
@@ -363,6 +366,7 @@ def test_loss_factor_shows_small_amplitudes_and_kinks(several):
     assert y.max() / y.min() > 100  # what a linear axis would show as zero
 
 
+@pytest.mark.long
 def test_matplotlib_is_imported_only_to_draw(tmp_path):
     code = (
         "import sys, capslip.output.figures, capslip.output.scene\n"

@@ -65,6 +65,7 @@ def written(tmp_path_factory):
     return analysis, folder, summary
 
 
+@pytest.mark.long
 def test_each_stage_of_writing_has_its_own_time(tmp_path, monkeypatch):
     """What another program asked for is no time of meshes."""
     takes_s, now_s = {"export": 19.0, "meshes": 2.0}, [0.0]
@@ -434,6 +435,7 @@ def test_a_failed_analysis_is_written(tmp_path):
     assert defects(tmp_path / "a") == ["status failed"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["height_map", "hills_and_caps", "loss_factor"])
 def test_a_figure_that_fails_here_or_in_the_copy_is_told_once(name, tmp_path, monkeypatch):
     def fail(*_):

@@ -139,6 +139,7 @@ def slip_along(analysis, p, contact):
     return slip_curve(curve, p, mu, contact.composite.kappa)
 
 
+@pytest.mark.long
 def test_every_file_is_there_and_no_other(written):
     _, folder = written
     assert {path.name for path in folder.iterdir()} == {*FILES, *DECKS.values()}
@@ -375,6 +376,7 @@ def test_the_cards_of_scans_of_unlike_kappa_are_pressed_and_do_not_slide(of_two)
     np.testing.assert_allclose(unlike[:2], alike[:2], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
     """Each pressure has another curve, and both scans bear what is left of the one."""
     elastic, yields = law_of(of_two[0].parts), []
@@ -401,6 +403,7 @@ def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
     assert secant == pytest.approx(found.normal_stiffness_Pa_per_m[i], rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_pressures")
 @pytest.mark.parametrize("n_scans", [1, 2])
 def test_the_cards_of_a_map_that_stands_higher_between_its_pixels_begin_where_it_touches(
@@ -547,6 +550,7 @@ def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
     assert sheared[0] < 0.2 * -pressed[2]  # it sticks
 
 
+@pytest.mark.long
 # A face that yields comes to the same load by another way, and single pixels decide its detail
 @pytest.mark.usefixtures("few_pressures", "fewer_points")
 @pytest.mark.parametrize(("hardness", "off"), [((), 0.02), (("material.hardness_Pa=4e8",), 0.25)])
@@ -568,6 +572,7 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     assert expected > 1.5 * analysis.contact.estimated_error
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_pressures", "fewer_points")
 def test_the_law_of_an_uneven_joint_has_the_error_of_its_greatest_pressure_there(tmp_path):
     """Not that of the joint, which rests on lighter patches."""
@@ -606,6 +611,7 @@ def law_about(analysis, folder):
     return re.search(r"Error: of the model, estimated at .*?%; at .*?%", comment)[0]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_pressures")
 def test_the_law_of_a_forced_model_without_its_error_says_none(tmp_path):
     settings = capslip.load_settings(overrides=("contact.model=interacting",))
@@ -615,6 +621,7 @@ def test_the_law_of_a_forced_model_without_its_error_says_none(tmp_path):
     assert "least of the face" not in said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["auto", "interacting"])
 def test_the_law_of_caps_says_how_sure_it_is_under_the_least_pressure(tmp_path, model):
     """Noise decides the more which of them touch, the lower that is."""
@@ -638,6 +645,7 @@ def test_the_law_of_caps_says_how_sure_it_is_under_the_least_pressure(tmp_path, 
 LOWER = [(8e-3 + 8e-3 * j, 8e-3 + 8e-3 * i, 4.0) for i in range(2) for j in range(2)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("lower_m", "last"), [(1.5e-7, 1), (2e-7, 3)])
 def test_the_law_ends_where_hills_touch_that_the_cut_left_out(tmp_path, lower_m, last):
     surface = caps_map([*CAPS, *((*one, -lower_m) for one in LOWER)], (240, 240))
@@ -740,6 +748,7 @@ LOWER_BY_M = (0.0, 2e-7, 5e-8, 3e-7, 1e-7, 0.0, 1.5e-7, 4e-7, 2.5e-7)
 UNEVEN = [(x, y, R, -low) for (x, y, R, _), low in zip(CAPS, LOWER_BY_M, strict=True)]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_pressures")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=1e7",)])
 def test_the_law_of_caps_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
@@ -751,6 +760,7 @@ def test_the_law_of_caps_is_that_of_analyses_under_each_pressure(tmp_path, hardn
     assert kept[:, 1].max() > 0.3  # else nothing would turn
 
 
+@pytest.mark.long
 def test_the_law_of_caps_that_are_cut_and_fitted_anew_is_that_of_analyses(tmp_path, monkeypatch):
     """P-caps near the cut hardly touch, and the face leans on them under less."""
     surface, _ = synthetic_surface(hidden_family(0.3e-6, 13510), "hidden")
@@ -788,6 +798,7 @@ def test_caps_that_stay_are_not_sought_under_each_pressure(written):
     assert finding_caps_anew(*given) is analysis.contact
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_pressures", "fewer_points")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
 def test_the_law_of_a_map_is_that_of_analyses_under_each_pressure(tmp_path, hardness):
@@ -799,6 +810,7 @@ def test_the_law_of_a_map_is_that_of_analyses_under_each_pressure(tmp_path, hard
     assert law_against_analyses(analysis, tmp_path, surface, given, 0.05).max() > 0.2
 
 
+@pytest.mark.long
 def test_the_error_of_caps_that_turn_is_known_under_less(written):
     """What lies beside the caps turns with them, so it does not seem to touch."""
     analysis, _ = written
@@ -911,6 +923,7 @@ def test_without_slip_there_is_no_law(written, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(yielding):
     """At the pressure of the scan that of the analysis, at others after another first loading."""
     analysis, folder, found = yielding

@@ -217,6 +217,7 @@ def sides(some, tmp_path_factory):
     )
 
 
+@pytest.mark.long
 @needs_chromium
 @pytest.mark.parametrize("width", [420, 1400])
 def test_page_fits_and_draws(width, some, sides, tmp_path):
@@ -259,6 +260,7 @@ def asked(many, tmp_path_factory):
     return ask(many[0], scripts, tmp_path_factory.mktemp("asked"))
 
 
+@pytest.mark.long
 @needs_chromium
 def test_ten_thousand_rows_are_filtered_and_sorted_and_few_are_made(many, asked):
     page, rows = many

@@ -53,6 +53,7 @@ def page(several, tmp_path_factory):
     return Page(write_report(several, several.summary(), folder, "no OpenGL here"))
 
 
+@pytest.mark.long
 def test_report_needs_nothing_from_elsewhere(page):
     assert not page.all("link")
     addresses = [a[key] for _, a in page.tags for key in ("src", "href") if key in a]

@@ -486,6 +486,7 @@ def test_methods_name_the_steps_that_the_map_itself_called_for():
     assert conditioned(steps) == f"{said[0]}; {said[4]}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("align", ["given", "least_squares"])
 @pytest.mark.parametrize("way", ["composite", "together"])
 def test_methods_of_two_faces_name_the_second_and_what_was_made_of_both(way, align):

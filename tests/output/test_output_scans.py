@@ -33,6 +33,7 @@ def joint():
     return analyze_scans([caps_map(HIGH), caps_map([*HIGH, *LOW])], settings)
 
 
+@pytest.mark.long
 def test_the_page_has_the_answer_each_scan_and_every_figure_of_the_joint(joint, tmp_path):
     summary = write_joint(joint, tmp_path / "a", None)
     page = (tmp_path / "a" / "report.html").read_text("utf-8")
@@ -145,6 +146,7 @@ def test_grey_holds_the_joint_and_ends_at_its_scans(joint, name):
         assert y[at] == pytest.approx(0.5 * (low + high), rel=1e-9)
 
 
+@pytest.mark.long
 def test_exports_are_of_the_joint_and_go_with_the_next_result(joint, tmp_path):
     folder = tmp_path / "a"
     write_joint(joint, folder, None, export="law")

@@ -62,6 +62,7 @@ def drawn(opengl, result, tmp_path_factory):
     return png
 
 
+@pytest.mark.long
 def test_picture_shows_both_families(drawn):
     from matplotlib.image import imread
 
@@ -107,6 +108,7 @@ def unwritten(error):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
 def test_a_picture_that_the_disk_refuses_is_an_error_of_the_disk(opengl, result, tmp_path, number):
     program = unwritten(f"OSError({number}, os.strerror({number}))")
@@ -116,6 +118,7 @@ def test_a_picture_that_the_disk_refuses_is_an_error_of_the_disk(opengl, result,
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_an_error_without_a_number_is_that_of_the_renderer(opengl, result, tmp_path):
     reason = start_render(result, tmp_path / "scene.png", unwritten("OSError('torn')")).wait()
     assert "OSError: torn; 3-D pictures need" in reason
@@ -181,6 +184,7 @@ def test_renderer_that_hangs_is_ended(result, tmp_path):
     assert rendering.process.returncode is not None
 
 
+@pytest.mark.long
 def test_a_renderer_that_waited_draws_the_same_picture(drawn, result, tmp_path, monkeypatch):
     """Also where the file of the result is named in place of its folder."""
     monkeypatch.setattr(renderer, "cores", lambda: 2)
@@ -261,6 +265,7 @@ def window(opengl, result, monkeypatch):
     window.plotter.close()
 
 
+@pytest.mark.long
 def test_zones_follow_load_and_force(window):
     green, red = "#009E73", "#CC3311"
     assert pixels(window.drawing, green) < 1e-4
@@ -276,6 +281,7 @@ def test_zones_follow_load_and_force(window):
     assert "slip in part" in caption(window.view, window.look)
 
 
+@pytest.mark.long
 def test_parts_come_and_go(window):
     vermilion = pixels(window.drawing, "#D55E00")
     window.toggle("caps")
@@ -292,6 +298,7 @@ def test_parts_come_and_go(window):
     assert window.look.colour == "family"
 
 
+@pytest.mark.long
 def test_the_window_looks_from_where_the_picture_does_and_a_click_takes_what_is_seen(window):
     """The face is thousands of times flatter than drawn: a wide pick would take a nearer hill."""
     shown = picture(window.view, window.look).renderer.GetActiveCamera()
@@ -419,6 +426,7 @@ def test_spheres_are_not_spoiled_by_the_face_they_coincide_with(opengl, result):
     assert (body & ~caps).sum() < 0.002 * body.sum()
 
 
+@pytest.mark.long
 def test_turntable_turns(opengl, result, tmp_path, monkeypatch):
     """As small as a stamp."""
     from PIL import Image
@@ -470,6 +478,7 @@ def test_a_pressed_map_looks_as_much_in_contact_as_it_is(opengl, tmp_path):
     assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)  # rims are half-tones
 
 
+@pytest.mark.long
 def test_the_picture_of_a_pressed_map_shows_what_touches(opengl, result, tmp_path):
     """Its caps do not answer; those of a result that they answer are shown alone."""
     from matplotlib.image import imread

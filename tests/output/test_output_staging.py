@@ -91,6 +91,7 @@ def write_and_die(folder, at, write=new_result):
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
 
 
+@pytest.mark.long
 def test_wherever_a_process_ends_the_folder_is_old_or_new_and_whole(tmp_path):
     seen = []
     for at in count():
@@ -111,6 +112,7 @@ def test_wherever_a_process_ends_the_folder_is_old_or_new_and_whole(tmp_path):
     assert {True, False} == set(seen)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("before", [new_result, failure])
 def test_wherever_a_process_ends_a_failure_is_beside_no_result(tmp_path, before):
     """Whichever of both takes the place of the other; and files of someone else stay."""

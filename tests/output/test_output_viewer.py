@@ -158,6 +158,7 @@ def test_a_page_has_either_ending(folder, tmp_path, name):
     assert "viewer-data" in (tmp_path / name).read_text()
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_counts_what_touches_sticks_and_slips_as_python_does(folder, asked):
     zones = read_view(folder).zones
@@ -166,6 +167,7 @@ def test_page_counts_what_touches_sticks_and_slips_as_python_does(folder, asked)
         assert counts == {word: int((words == word).sum()) for word in counts}
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_shows_face_caps_and_zones_and_says_so(page, asked, tmp_path):
     """Neither a blank scene nor lost text."""
@@ -182,6 +184,7 @@ def test_page_shows_face_caps_and_zones_and_says_so(page, asked, tmp_path):
         assert words in asked["force"]
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_begins_as_its_picture_looks(folder, asked, tmp_path):
     view = read_view(folder)
@@ -204,6 +207,7 @@ def test_page_begins_as_its_picture_looks(folder, asked, tmp_path):
     assert first == ["load", 1.0, 0.4, True, False]
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_that_begins_with_two_faces_enlarges_the_heights_of_the_first(tmp_path, monkeypatch):
     view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))
@@ -243,6 +247,7 @@ def test_page_of_a_pressed_map_begins_with_what_touches(asked, tmp_path):
     assert asked["touches"] == [False, False]
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_says_how_much_of_a_pressed_map_touches_as_the_window_does(tmp_path, monkeypatch):
     view = read_view(output_cases.written(output_cases.pressed_map(), tmp_path))
@@ -286,6 +291,7 @@ def test_no_name_ends_the_data_or_the_page(folder, tmp_path):
     assert ask(page, asked, tmp_path) == [view.name.replace("<", "["), True, True]
 
 
+@pytest.mark.long
 @needs_chromium
 def test_a_pressed_map_looks_as_much_in_contact_as_it_is(tmp_path, monkeypatch):
     analysis = output_cases.pressed_map()
@@ -308,6 +314,7 @@ def test_a_pressed_map_looks_as_much_in_contact_as_it_is(tmp_path, monkeypatch):
     assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_shows_two_faces_or_their_sum(asked, tmp_path):
     view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))

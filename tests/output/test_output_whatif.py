@@ -133,6 +133,7 @@ def asked(case, tmp_path_factory):
     return found | {"states": given, "answers": answers, "tip_m": tip_m, "loop": loop}
 
 
+@pytest.mark.long
 @needs_chromium
 def test_panel_equals_python_to_a_millionth(case, asked):
     analysis, _ = case
@@ -207,6 +208,7 @@ def test_columns_of_the_caps_sort(case, asked):
     assert column == ["ascending", list(range(1, len(analysis.caps) + 1))]
 
 
+@pytest.mark.long
 @either_look
 @needs_chromium
 def test_report_is_dark_where_the_reader_wants_it(case, tmp_path):

@@ -162,6 +162,7 @@ def wavy():
     return analyze_once(surface, load_settings(overrides=(*overrides, *lies)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("load_share", [0.25, 0.5, 0.75])
 def test_as_much_of_a_map_touches_as_under_that_load(wavy, load_share):
     zones, preload_N = zones_for(wavy), wavy.contact.preload_N

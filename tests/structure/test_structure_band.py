@@ -295,6 +295,7 @@ def under_a_wave(asked, value, ratio, phase_rad, mu=MU, preload=N, E=1.0, H=None
 OF_WAVES = (("friction", 0.2), ("preload", 0.2), ("modulus", 0.1), ("hardness", 0.2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("asked", "ratio", "phase_rad", "name", "spread"),
     [
@@ -819,6 +820,7 @@ def test_equal_scans_under_a_preload_that_is_not_certain_have_the_interval_of_a_
         assert off.max() < 0.03 * np.log(high / low), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [2, 5])
 def test_nine_intervals_in_ten_hold_the_mean_of_what_the_scans_were_drawn_from(count):
     """Spheres of any radius, a joint of all of them: the truth is that of 400 of them."""

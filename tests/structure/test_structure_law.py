@@ -310,6 +310,7 @@ def test_the_law_of_scans_of_unlike_kappa_is_the_mean_of_what_each_does_under_it
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("other", ["two families", "many heights"])
 def test_scans_close_together_as_their_stiffness_says(other):
     """Not as the softest of them: then dp over the closure would be its stiffness alone."""
@@ -365,6 +366,7 @@ def test_the_mean_of_scans_is_as_good_between_two_pressures_as_one_of_them():
         np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=0.05)
 
 
+@pytest.mark.long
 def test_a_hardness_that_nothing_reaches_leaves_one_curve_for_all_pressures():
     curve = CURVES["two families"]
     found = law_of(curve, hardness=1e12)
@@ -377,6 +379,7 @@ def test_a_hardness_that_nothing_reaches_leaves_one_curve_for_all_pressures():
     assert not law_that_yields().has_beds_alone
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", [None, 1e9])
 def test_equal_scans_have_the_law_of_one_and_no_scatter(hardness):
     make = after if hardness else (lambda _: CURVES["two families"])

@@ -11,6 +11,7 @@ from capslip.studies.band.study import NUMBERS, Held, held, table_of_coverage
 FACES, REPEATS, NOISE_M = 10, 3, 20e-9
 
 
+@pytest.mark.long
 def test_nine_of_ten_intervals_hold_the_truth(monkeypatch):
     """Of 30 scans as many as 85 to 95 % may give, at 1 in 200 on either side.
 

@@ -87,6 +87,7 @@ def test_noise_is_on_the_measured_map_alone():
     assert np.array_equal(make_face(noisy).fine.height_m, make_face(clean).fine.height_m)
 
 
+@pytest.mark.long
 def test_the_reference_is_certified(results):
     for case in results["cases"]:
         known = case["reference"]
@@ -161,6 +162,7 @@ def test_a_method_without_an_answer_counts_as_infinitely_wrong():
     assert statistics.median_and_range([math.inf, math.inf, 0.1]) == [None, 0.1, None]
 
 
+@pytest.mark.long
 def test_what_is_written(results, tmp_path):
     results = {**results, "seconds": 1.0}
     results["honesty"]["fresh"] = results["honesty"]["same"]
@@ -179,6 +181,7 @@ def test_what_is_written(results, tmp_path):
         assert f"({name}.png)" in page
 
 
+@pytest.mark.long
 def test_names_of_points_do_not_overprint(results):
     """Settings that hardly differ have one name; the ends of a scale keep theirs."""
     (paper,) = (point for point in results["points"] if point["line"] == PAPER)

@@ -19,6 +19,7 @@ def face_named(group, name):
     return next(face for face in faces(0, group) if face.name.startswith(name))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize(
     ("group", "name"), [("caps", "caps of the paper, 460 N"), ("waves", "waves of 5 mm, 100 N")]

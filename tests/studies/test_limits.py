@@ -102,6 +102,7 @@ def test_the_codes_that_name_a_cause_are_those_of_the_program():
         assert set(axis.codes) <= known, axis.name
 
 
+@pytest.mark.long
 def test_another_seed_gives_other_faces_of_the_same_kinds():
     ours, theirs, others = axes(), made_axes(0), axes(1)
     for i, (axis, same, other) in enumerate(zip(ours, theirs, others, strict=True)):
@@ -143,6 +144,7 @@ def test_a_code_that_is_said_twice_is_as_severe_as_it_is_once():
         assert _severities(said) == {"small_slip_extrapolated": "warning"}
 
 
+@pytest.mark.long
 def test_no_silent_failure(found):
     assert found["silent"] == []
 
@@ -217,6 +219,7 @@ def test_no_estimate_is_blamed_for_what_the_truth_is_unsure_of():
     assert held == {"cases": 5, "too_low_share": 0.2, "median_ratio": pytest.approx(2.0)}
 
 
+@pytest.mark.long
 def test_rows_of_two_processes_are_those_of_one():
     axis = next(axis for axis in axes() if axis.name == "gross slip")
     few = [replace(axis, cases=axis.cases[:2])]
@@ -234,6 +237,7 @@ def stretched(surface, factor):
     return replace(surface, height_m=factor * surface.height_m)
 
 
+@pytest.mark.long
 def test_the_files(tmp_path, monkeypatch):
     few = [
         replace(axis, cases=axis.cases[-1:])

@@ -117,6 +117,7 @@ def test_the_truth_is_not_that_of_the_map():
     assert missed_m > 0.05 * found.approach_m
 
 
+@pytest.mark.long
 def test_a_hill_that_touches_between_the_last_pixels_and_the_edge_is_found():
     """On a map of 2 mm waves no pixel of it touches, and it takes 11 % of the energy at 0.25."""
     axis = next(axis for axis in axes() if axis.name == "wavy faces")

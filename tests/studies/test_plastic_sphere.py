@@ -52,6 +52,7 @@ def test_an_elastic_half_space_is_that_of_hertz(elastic):
     assert elastic.overload == pytest.approx(0.0, abs=1e-8)
 
 
+@pytest.mark.long
 def test_a_sphere_that_yielded_loses_what_finer_elements_lose(yielded):
     assert yielded.overload == pytest.approx(YIELDED, rel=5e-3)
     assert losses_of(yielded)[1:] == pytest.approx([0.561, 0.616, 0.661], rel=0.04)
@@ -96,6 +97,7 @@ def test_flow_ends_at_the_yield_surface_and_the_stiffness_is_the_slope_of_forces
     assert np.abs(slope - wanted).max() < 1e-4 * np.abs(slope).max()
 
 
+@pytest.mark.long
 def test_a_body_that_hardens_bears_more(mesh, yielded):
     harder = pressed(Body(mesh, yielded.yield_stress, 0.02 * YOUNG / 0.98))
     assert 1.002 < harder.load / yielded.load < 1.03  # 2 % of E as the slope of a tensile test

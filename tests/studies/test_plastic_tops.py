@@ -75,6 +75,7 @@ def test_a_worn_sphere_is_a_sphere_that_has_sunk_by_its_flat(mesh):
     assert depths == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_parabola_is_that_of_the_study_of_spheres(mesh):
     contact = by_elements(PARABOLA, 1.4, mesh)
     again = pressed(Body(mesh, contact.yield_stress, 0.0))
@@ -82,6 +83,7 @@ def test_the_parabola_is_that_of_the_study_of_spheres(mesh):
     assert contact.depth == pytest.approx(again.depth, rel=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("top", [CONE, FOURTH], ids=lambda top: top.name)
 def test_all_tops_bear_about_the_hardness_in_the_end(mesh, top):
     contact = by_elements(top, 6.0, mesh)

@@ -158,6 +158,7 @@ def test_friction_stretches_fig_7f_along_the_amplitude():
     np.testing.assert_allclose(peaks, peaks[0], rtol=1e-3)
 
 
+@pytest.mark.long
 def test_what_the_page_says_of_fig_7(page):
     rows = page[1]["loss_factor"]
 

@@ -60,6 +60,7 @@ def test_without_the_data_it_says_what_is_expected(tmp_path, monkeypatch):
         assert name in said[0]
 
 
+@pytest.mark.long
 def test_the_lap_joint_beside_its_backbones(monkeypatch):
     if not JOINT.is_dir():
         pytest.skip("the data of the lap joint are not beside the project")

@@ -210,6 +210,7 @@ def test_a_search_that_ends_some_pixels_away_goes_on(monkeypatch):
     assert np.array_equal(found.surface.height_m, direct.surface.height_m)
 
 
+@pytest.mark.long
 def test_the_mean_has_the_standard_error_of_the_forms_of_its_scans():
     """Of a bow that one of n scans has the mean has 1 / n, which is what is said."""
     y, x = (np.linspace(-1.0, 1.0, n) for n in SHAPE)

@@ -56,6 +56,7 @@ def test_a_face_and_its_print_in_another_format_mate(name, tmp_path):
     assert np.std(wrong.height_m) > 3.0 * np.std(both.height_m)
 
 
+@pytest.mark.long
 def test_mate_gives_one_composite_whatever_the_formats(tmp_path):
     """Through the command line: the worn print of a face, in formats of both directions."""
     y, x = np.mgrid[:40, :60]

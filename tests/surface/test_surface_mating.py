@@ -201,6 +201,7 @@ def worn_pair(offset_m, rotation_rad, mirror, noise_m=3e-8, second_pixel_m=D_M):
     return first, replace(blank, height_m=z), truth
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("offset_m", "rotation_rad", "mirror", "second_pixel_m"),
     [
@@ -506,6 +507,7 @@ def test_faces_of_the_same_long_pixels_across_each_other_show_no_false_wave():
     assert laid_wave_m(1.1e-4, 1, (100, 1000), LONG_M, 0.0) == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.long
 def test_a_turn_brings_as_much_smoothing_as_the_pixels_of_the_first_lean():
     """A Gaussian leaves 2^-(nesting index / wavelength)^2, of the parts of a pixel on an axis."""
     for rotation_rad in (0.05, 0.1, 0.3, 1.2):

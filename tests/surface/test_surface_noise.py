@@ -133,6 +133,7 @@ def test_what_interpolation_takes_off_is_taken_off_noise_that_the_settings_say(l
     assert elastic_face(surface, 1e11).faces == pytest.approx(scans, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("shape", "pixel_m", "laid"),
     [

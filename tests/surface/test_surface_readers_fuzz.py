@@ -2,11 +2,13 @@
 
 import sys
 
+import pytest
 from fuzz_readers import calibration, fuzz_readers, valid_files
 
 from capslip.surface.readers import FORMATS, load_surface
 
 
+@pytest.mark.long
 def test_no_damaged_file_escapes_the_errors_of_the_project(monkeypatch):
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)  # slow, and not judged here
     results = fuzz_readers(500, seed=7)

@@ -633,6 +633,7 @@ def test_word_among_points_is_named(tmp_path, line):
         load_surface(put(tmp_path / "p.xyz", "\n".join(lines)), **LENGTHS)
 
 
+@pytest.mark.long
 def test_million_points_are_read_in_time_and_memory(tmp_path):
     rng = np.random.default_rng(4)
     points = points_of(rng.normal(size=(1000, 1000)), 0.0101, 0.0123)
@@ -727,6 +728,7 @@ def test_odd_sdf_text_is_refused(tmp_path, old, new, words):
         load_surface(put(tmp_path / "s.sdf", text))
 
 
+@pytest.mark.long
 def test_refusing_is_quick(tmp_path):
     """In the median of three: one of them alone may be any number on a machine that is shared."""
     text = "1 2 3\n" * 1_000_000 + "1 2 Bad\n"

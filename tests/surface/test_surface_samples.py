@@ -52,6 +52,7 @@ def test_writing_again_gives_the_committed_bytes(written):
     assert_same_files(written)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kernels", ["Nehalem", "Haswell"])
 def test_the_linear_algebra_of_another_processor_gives_the_same_bytes(tmp_path, kernels):
     """OpenBLAS sums in another order on each processor; another library ignores the variable."""
