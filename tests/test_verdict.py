@@ -363,6 +363,17 @@ def test_the_verdict_says_what_is_left_where_a_number_moves_by_more_than_itself(
     assert verdict(load(*JOINT.values()), [*warnings, *notes], None).startswith(usable)
 
 
+@pytest.mark.parametrize(
+    ("error", "usable"),
+    [(0.69, "usable with care: "), (0.7, "usable with care, not for the energy: "),
+     (1e4, "usable with care, not for the energy: ")],
+)  # fmt: skip
+def test_an_energy_that_is_not_known_to_a_factor_of_two_is_of_no_use(error, usable):
+    """Though each doubt moves it by less, as what is left of it after a filter is 90 % at most."""
+    moved = Problem("detail_decides", "warning", "said", Effect(0.1, 0.9, 0.9))
+    assert verdict(load(*JOINT.values()), [moved], error, error).startswith(usable)
+
+
 def test_advice_ends_a_sentence_and_options_that_are_open_stay_so():
     assert Problem("outliers_removed", "info", "said").advice.startswith("look there on the part")
     assert not Problem("outliers_removed", "info", "said").advice.endswith(".")

@@ -1,5 +1,6 @@
 """What a result is worth for a joint: what nobody gave, and a sentence on what it is usable for."""
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -137,7 +138,7 @@ def verdict(
         What was given, and what was not.
     problems : iterable of Problem
         Of the whole result. The reason is, of the worst, one that spoils every number, else the
-        one that moves most; where that moves a number by more than itself, it is said which.
+        one that moves most; where a number may be off by more than itself, it is said which.
     estimated_error : float or None
         Of energy at given force and of stiffness, against the face pressed exactly, elastic or with
         its hardness: the greatest from a tenth of gross slip on.
@@ -162,7 +163,8 @@ def verdict(
             # The first of the greatest; what spoils every number leads what moves some
             first = max(worst, key=lambda one: (one.kind.spoils_all, one.greatest_effect))
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
-            what = _left(worst) if severity == "warning" and not first.kind.spoils_all else ""
+            some = severity == "warning" and not first.kind.spoils_all
+            what = _left(worst, error_of_answer or 0.0) if some else ""
             return f"{begin}{word}{what}: {first.text}{more}; next: {first.advice}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
@@ -194,13 +196,17 @@ def reason_of(text: str) -> str:
     return re.sub(r" \(and \d+ more\)", "", text)
 
 
-def _left(warnings: list[Problem]) -> str:
-    """Say for what a result is left usable, where a warning moves a number out of all use."""
+def _left(warnings: list[Problem], error: float) -> str:
+    """Say for what a result is left usable, where a warning moves a number out of all use.
+
+    Or where the energy at the force that is answered may be off by as much, as a logarithm.
+    """
     effects = [one.effect for one in warnings if one.effect is not None]
     if max((one.tangential_stiffness or 0.0 for one in effects), default=0.0) > USELESS:
         return " as an order of magnitude"
     losses = (max(one.energy or 0.0, one.loss_factor or 0.0) for one in effects)
-    return ", not for the energy" if max(losses, default=0.0) > USELESS else ""
+    useless = error > math.log1p(USELESS) or max(losses, default=0.0) > USELESS
+    return ", not for the energy" if useless else ""
 
 
 def _from_scans(known: int, given: int) -> str:
