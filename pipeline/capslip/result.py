@@ -79,7 +79,7 @@ class JointResult:
     @property
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for."""
-        errors = self.estimated_error, self.error_of_answer
+        errors = self.estimated_error, self.errors_of_answer
         each = (left_open(part.joint, part.contact) for part in self.parts)
         part_within = next((one.energy_up_to for one in each if one is not None), None)
         known = self.noise_known
@@ -107,12 +107,21 @@ class JointResult:
     @property
     def error_of_answer(self) -> float | None:
         """Return that of the contact model at the force of the answer, the greatest of parts."""
+        both = self.errors_of_answer
+        return None if both is None else max(both)
+
+    @property
+    def errors_of_answer(self) -> tuple[float, float] | None:
+        """Return those of stiffness and energy at that force, of each the greatest of parts."""
         errors = [part.contact.errors for part in self.parts]
         if self.answer is None or self.slip is None or not self.answer.slip_force_N > 0.0:
             return None
         share = self.answer.slip_force_N / float(self.slip.total_slip_force_N)
-        known = [one.greatest_at(share) for one in errors if one is not None]
-        return max(known) if known and len(known) == len(errors) else None
+        known = [one.both_at(share) for one in errors if one is not None]
+        if not known or len(known) < len(errors):
+            return None
+        stiffness, energy = (max(each) for each in zip(*known, strict=True))
+        return stiffness, energy
 
     def summary(
         self, command: str | None = None, timings_s: dict[str, float] | None = None
@@ -255,7 +264,7 @@ class JointOfScans(JointResult):
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for, and on how many scans it rests."""
         count = (len(self.known), len(self.scans))
-        errors = self.estimated_error, self.error_of_answer
+        errors = self.estimated_error, self.errors_of_answer
         return verdict(self.settings, self.problems, *errors, count, self.noise_known)
 
     @property

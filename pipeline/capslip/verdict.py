@@ -125,7 +125,7 @@ def verdict(
     settings: Settings,
     problems: Iterable[Problem],
     estimated_error: float | None,
-    error_of_answer: float | None = None,
+    errors_of_answer: tuple[float, float] | None = None,
     scans: tuple[int, int] | None = None,
     noise_known: bool = False,
     part_within: float | None = None,
@@ -142,8 +142,8 @@ def verdict(
     estimated_error : float or None
         Of energy at given force and of stiffness, against the face pressed exactly, elastic or with
         its hardness: the greatest from a tenth of gross slip on.
-    error_of_answer : float or None
-        The same at the force that is answered, where it is known.
+    errors_of_answer : (float, float) or None
+        Those of stiffness and energy at the force that is answered, where they are known.
     scans : tuple of int, optional
         On how many scans of how many the joint rests, where there are several.
     noise_known : bool
@@ -164,11 +164,11 @@ def verdict(
             first = max(worst, key=lambda one: (one.kind.spoils_all, one.greatest_effect))
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
             some = severity == "warning" and not first.kind.spoils_all
-            what = _left(worst, error_of_answer or 0.0) if some else ""
+            what = _left(worst, errors_of_answer) if some else ""
             return f"{begin}{word}{what}: {first.text}{more}; next: {first.advice}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
-        asked = estimated_error if error_of_answer is None else error_of_answer
+        asked = estimated_error if errors_of_answer is None else max(errors_of_answer)
         here, most = (f"{max(100.0 * error, 0.1):.2g} %" for error in (asked, estimated_error))
         less = estimated_error > asked and most != here
         beside = f"; up to {most} from a tenth of gross slip on" if less else ""
@@ -196,7 +196,7 @@ def reason_of(text: str) -> str:
     return re.sub(r" \(and \d+ more\)", "", text)
 
 
-def _left(warnings: list[Problem], error: float) -> str:
+def _left(warnings: list[Problem], errors: tuple[float, float] | None) -> str:
     """Say for what a result is left usable, where a warning moves a number out of all use.
 
     Or where the energy at the force that is answered may be off by as much, as a logarithm.
@@ -205,6 +205,7 @@ def _left(warnings: list[Problem], error: float) -> str:
     if max((one.tangential_stiffness or 0.0 for one in effects), default=0.0) > USELESS:
         return " as an order of magnitude"
     losses = (max(one.energy or 0.0, one.loss_factor or 0.0) for one in effects)
+    error = 0.0 if errors is None else errors[1]
     useless = error > math.log1p(USELESS) or max(losses, default=0.0) > USELESS
     return ", not for the energy" if useless else ""
 

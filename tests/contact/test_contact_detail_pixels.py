@@ -210,6 +210,7 @@ def test_a_few_points_that_let_go_leave_what_others_tell_of_metal(monkeypatch):
         monkeypatch.setattr(map_accuracy, "effect_of_pixels", lambda *_, by=by_others: by)
         errors, _ = error_of_map(of_half(), LOAD_N, TOLERANCE)
         assert errors.energy_at(0.25) == pytest.approx(most, rel=0.01)
+    assert errors.energy_at(0.1) == pytest.approx(PIXELS_95[0.1] * 5.0, rel=1e-3)
     monkeypatch.setattr(map_accuracy, "effect_of_pixels", lambda *_: {})  # nothing else tells
     errors, _ = error_of_map(of_half(), LOAD_N, TOLERANCE)
     assert errors.energy_at(0.25) == pytest.approx(PIXELS_95[0.25] * 5.0, rel=1e-3)

@@ -155,10 +155,15 @@ class ModelError:
 
     def greatest_at(self, share: float) -> float:
         """Return the greater of the errors of stiffness and of the energy at a share of mu N."""
+        return max(self.both_at(share))
+
+    def both_at(self, share: float) -> tuple[float, float]:
+        """Return the errors of stiffness and of the energy at a share of mu N."""
         both = self.stiffness, self.energy_at(share)
         if self.law is None:
-            return max(both)
-        return max(math.hypot(*one) for one in self._with_law(both, share))
+            return both
+        stiffness, energy = (math.hypot(*one) for one in self._with_law(both, share))
+        return stiffness, energy
 
     def _with_law(self, both: tuple[float, float], share: float) -> Iterator[tuple[float, float]]:
         """Give each of two errors with that of the plastic law at a share of mu N."""
