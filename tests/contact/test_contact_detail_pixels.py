@@ -203,7 +203,7 @@ def test_pixels_of_flats_count_where_they_are_more_and_a_load_has_left_any(monke
 
 @pytest.mark.usefixtures("on_pixels")
 def test_a_few_points_that_let_go_leave_what_others_tell_of_metal(monkeypatch):
-    """By the rule of rings, which are wide, one of them may be off by any factor."""
+    """The rule of spheres, which have rings of points, says any factor for a few."""
     monkeypatch.setattr(Unloading, "pixel_error", lambda *_: 5.0)
     for told, most in ((0.4, 1.0), (1.7, 1.7)):
         by_others = dict.fromkeys(detail.FORCE_SHARES, told)

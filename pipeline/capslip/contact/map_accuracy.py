@@ -52,9 +52,9 @@ PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
 # the more there are, the fewer pixels tell of the contact; of fewer it is below `LEAST_ERROR`
 SPLINE_95 = {0.1: 0.0015, 0.25: 0.001, 0.5: 0.0007, 0.75: 0.0007}
 SPLINE_POINTS = 7, 30
-# The most of it that counts from a quarter on where other points tell as well what they leave of
-# metal: thinner rings are none that spheres have shown, and rough faces and fully plastic spheres
-# are off by less there; at a tenth the edge of these lets go of less than any points follow
+# Of metal, the most that both say from a quarter on where other points were solved as well: they
+# rest on spheres with wider rings, and rough faces and fully plastic spheres are off by less there;
+# at a tenth the edge of a fully plastic one lets go of less than any points follow
 MOST_OF_RINGS = 1.0
 STIFFNESS_95 = 0.75  # of what they leave in the energy at three quarters, in the stiffness
 SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order
@@ -98,9 +98,10 @@ class _Causes:
         """Return what pixels and noise do to the energy at a share of mu N, relative, at 95 %."""
         near = min(share, FORCE_SHARES[-1])
         of_pixels = _of_pixels(self.unloading, share)
-        if self.coarser and self.law is not None and share >= ASKED:
-            of_pixels = min(of_pixels, MOST_OF_RINGS)
-        of_pixels = max(of_pixels, (self.coarser or {}).get(near, 0.0))
+        if self.coarser:
+            if self.law is not None and share >= ASKED:
+                of_pixels = min(of_pixels, MOST_OF_RINGS)
+            of_pixels = max(of_pixels, self.coarser.get(near, 0.0))
         if self.given is not None:
             return of_pixels, self.given[near]
         drop_N = share * self.unloading.load_N

@@ -5,7 +5,7 @@ No other module asks for the name of a rung; whatever sets one apart is an attri
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast
 
@@ -132,7 +132,7 @@ class ModelError:
         both = self.stiffness, self.energy
         if self.law is None:
             return max(both)
-        return max(math.hypot(*one) for at in self.law.shares for one in self._with_law(both, at))
+        return max(max(self._with_law(both, at)) for at in self.law.shares)
 
     @property
     def without_law(self) -> "ModelError":
@@ -159,16 +159,14 @@ class ModelError:
 
     def both_at(self, share: float) -> tuple[float, float]:
         """Return the errors of stiffness and of the energy at a share of mu N."""
-        both = self.stiffness, self.energy_at(share)
+        return self._with_law((self.stiffness, self.energy_at(share)), share)
+
+    def _with_law(self, both: tuple[float, float], share: float) -> tuple[float, float]:
+        """Return two errors with those of the plastic law, if any, at a share of mu N."""
         if self.law is None:
             return both
-        stiffness, energy = (math.hypot(*one) for one in self._with_law(both, share))
-        return stiffness, energy
-
-    def _with_law(self, both: tuple[float, float], share: float) -> Iterator[tuple[float, float]]:
-        """Give each of two errors with that of the plastic law at a share of mu N."""
-        assert self.law is not None
-        return zip(both, self.law.errors(share), strict=True)
+        stiffness, energy = self.law.errors(share)
+        return math.hypot(both[0], stiffness), math.hypot(both[1], energy)
 
     def energy_at(self, share: float) -> float:
         """Return the error of the energy at a share of mu N, a power between those known.
