@@ -114,6 +114,27 @@ def metal_unloading(over_hardness, load_N, a_m):
     return e_m, drop_N, 8.0 * stored_J - 4.0 * drop_N * e_m
 
 
+def test_below_its_first_load_a_map_is_as_stiff_as_its_unloading_says():
+    """Where a round contact has shrunk to the radius c it is a punch, 2 E* c.
+
+    Finer points that were loaded to the lesser load alone had forgotten the greater one.
+    """
+    hardness, over = 1e9, 2.0
+    load_N = (over * hardness) ** 3 * np.pi**3 * R_M**2 / (6.0 * E**2)
+    curve = boundary_elements(sphere(1e-5, 48, (3e-6, 0.0)), E, preload_N=load_N, hardness_Pa=1e9)
+    assert curve.unloading(load_N).refinement > 1
+    share = np.array([1.0 - 1e-9, 0.8, 0.5])
+    K = curve.stiffness_N_per_m(curve.approach_m(np.append(1.0, share) * load_N))
+    e_m, drop_N, _ = metal_unloading(over, load_N, 1.0)
+    c = np.diff(drop_N) / np.diff(e_m) / (2.0 * E)
+    known = np.interp((1.0 - share) * load_N, 0.5 * (drop_N[1:] + drop_N[:-1]), c)
+    assert K[1:] / K[0] == pytest.approx(known, rel=0.01)
+    further_m = curve.withdrawal_m(curve.approach_m(load_N), 0.2 * load_N)
+    half_m = curve.withdrawal_m(curve.approach_m(load_N), 0.5 * load_N)
+    again = curve.stiffness_N_per_m(curve.approach_m(0.8 * load_N), half_m - further_m)
+    assert again == pytest.approx(K[3], rel=1e-6)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("load_N", "pixel_m", "off_m"),

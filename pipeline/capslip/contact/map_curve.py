@@ -305,10 +305,12 @@ class BoundaryElementCurve:
         """N'(d - e); at e = 0 that of the pixels in contact, else of the unloading."""
 
         def stiffness(load_N: float, e: np.ndarray) -> np.ndarray:
-            if not e.any():
+            from_N = self.solutions.unloads_from_N(load_N)
+            if from_N == load_N and not e.any():
                 return np.full(e.shape, self._with_spring(self._stiffness_at(load_N)))
-            unloading = self.unloading(load_N)
+            unloading = self.unloading(from_N)
             x, total = unloading.withdrawal_m, self._withdrawals(unloading)
+            e = e + _proportional(np.array(from_N - load_N), unloading.load_drop_N, total)
             slope = np.gradient(unloading.load_drop_N, x)
             log_e = np.log(np.maximum(e, 1e-300))
             at = np.interp(log_e, np.log(total), slope, left=unloading.stiffness_N_per_m)

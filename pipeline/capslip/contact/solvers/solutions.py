@@ -171,6 +171,15 @@ class Solutions:
             self.approach_m = dict(pairs) | self.approach_m
         return self.unloading[load_N]
 
+    def unloads_from_N(self, load_N: float) -> float:
+        """Return the load from which a face came to another one: that of its first loading.
+
+        Finer points are loaded for the first time once more, and would know nothing of a greater
+        load than the one they are asked about. All the same where nothing has a hardness.
+        """
+        first_N = next(iter(self.pressed), load_N)
+        return load_N if self.face.before is None else max(first_N, load_N)
+
     def approach_under(self, load_N: np.ndarray) -> np.ndarray:
         """Return the approach under loads > 0, solved or interpolated between solved ones."""
         load_N = self._as_solved(load_N)
