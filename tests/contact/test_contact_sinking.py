@@ -186,3 +186,21 @@ def test_a_rough_face_under_the_same_load_again_is_as_it_was(seed):
     )  # fmt: skip
     assert curve.first.deeper.left > 1e-4
     assert found == pytest.approx(known, rel=0.01)
+
+
+@pytest.mark.parametrize("hardness_Pa", [math.inf, 3e9])
+def test_finer_points_turn_under_a_load_next_to_that_of_the_balance(hardness_Pa):
+    """Under a billionth more load a face is what it was; the finer points find its balance."""
+    waves = gaussian_filter(np.random.default_rng(7).normal(size=(64, 64)), 3.0, mode="wrap")
+    surface, load_N = HeightMap(2e-7 * waves / waves.std(), (1e-6, 1e-6)), 0.05
+    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness_Pa, balanced=True)
+    more_N = (1.0 + 1e-9) * load_N
+    again = curve if math.isinf(hardness_Pa) else RUNG.after(curve, load_N, 1.0 + 1e-9, 1.0)
+    known, found = (
+        (float(one.stiffness_N_per_m(one.approach_m(N))),
+         *one.loss_integral_at_drop_J(one.approach_m(N), np.array([0.25, 0.5, 0.75]) * N))
+        for one, N in ((curve, load_N), (again, more_N))
+    )  # fmt: skip
+    assert curve.tilt_rad != (0.0, 0.0)
+    assert curve.unloading(load_N).refinement > 1
+    assert found == pytest.approx(known, rel=5e-3)

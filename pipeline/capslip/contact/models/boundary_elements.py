@@ -151,6 +151,8 @@ def _after(
     if place_m is None:
         pressed, punch = curve.pressed(load_N), curve.solutions.punch(load_N)
         face, again, deeper = loaded_anew(first, pressed, punch, (of_load, of_hardness), *given)
+        # Its tilt is that of the pixels: finer points find theirs, as those of the known curve did
+        again = replace(again, turns=first.turns)
     else:
         face = replace(first.face, hardness_Pa=of_hardness * first.face.hardness_Pa)
         # It turns a little from load to load: nearly all that touches did under the known one

@@ -78,6 +78,8 @@ class Solutions:
                     start_Pa=start_Pa,
                     time_limit_s=self.left_s(load_N),
                 )
+            if self.pressed:  # its tilt is that of the pixels: finer points find theirs
+                pressed = replace(pressed, turns=next(iter(self.pressed.values())).turns)
             self.keep(pressed)
         return self.pressed[load_N]
 
