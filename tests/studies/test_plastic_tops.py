@@ -162,3 +162,18 @@ def test_the_tables_have_a_row_a_case_and_leave_out_what_finds_no_balance(monkey
     text = plastic_tops.plastic_tops([two], rings=50, progress=told.append)
     assert "| r^4" not in text
     assert "r^4 at 0.3: no balance" in told[3]
+
+
+@pytest.mark.parametrize(("power", "overload"), [(5, 0.75), (9, 0.7), (9, 1.0)])
+def test_blunt_tops_lose_what_is_stated_before_the_bound_has_flattened_their_rim(power, overload):
+    """Metal yields at the rim well below its hardness, and loses more far into slip."""
+    top = plastic_tops.Top("blunt", lambda r: np.asarray(r**power))
+    contact = by_elements(top, overload, mesh_of(100))
+    found, errors = by_map(top, contact.load, contact.yield_stress)
+    off = np.log(found.energy / answer_of(contact).energy)[1:]
+    low, high = stated(errors)[1, 1:].T
+    assert off[-1] < -0.1
+    assert (low < off).all()
+    assert (off < high).all()
+    assert np.abs(off - 0.5 * (low + high))[1:].max() < 0.1
+    assert (high - low).max() < 0.8

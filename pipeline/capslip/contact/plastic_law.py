@@ -36,6 +36,12 @@ HARD_95, HARD_AT = 0.025, (2.0, 4.0)
 # By the finite elements of tops that are no spheres: the power of how blunt one is, and the p0 / H
 # between which it comes in; of what that moves, in logarithms, at 95 %
 BLUNT, BLUNT_AT, FORM_95 = 1.5, (0.85, 1.25), 1.0
+MOST_BLUNT = 1.5  # how blunt one counts for at most there, or how pointed
+# By how much more the rim of a blunt one loses than that, where metal has flattened its pressures
+# and the bound has not yet: over the logarithm of how blunt it is, by p0 / H, at three quarters of
+# mu N; the share of it at each of `SHARES`; and of what that moves, at 95 %
+RIM_AT, RIM = (0.65, 0.8, 1.0, 1.1, 1.2), (0.0, 0.3, 0.54, 0.5, 0.0)
+RIM_SHARES, RIM_95 = (0.0, 0.0, 0.6, 1.0), 0.5
 _MOST_TOGETHER = 200  # contacts that are withdrawn together
 # Of the radius of a cap that has yielded: finite elements of others have 2 % more or less, those of
 # `docs/theory.md` up to 1.8 % more
@@ -99,7 +105,9 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     that moves is found with the heaviest contacts, round, withdrawn together as they are and as
     wide as metal is. How they unload the map knows (`metal_pressure_Pa`), as well as finite
     elements of spheres know it of metal; tops that are blunter unload as those that have yielded
-    more, by finite elements of such (`studies/plastic_tops.py`), pointed ones as less.
+    more, by finite elements of such (`studies/plastic_tops.py`), pointed ones as less. Far into
+    slip blunt ones lose more than that where the map still has their rim as it was solved: metal
+    yields there well below the hardness.
 
     Parameters
     ----------
@@ -126,12 +134,15 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     displacement, energy = share * np.log(moves / was), np.log(loses / lost)
     of_spheres = _energies(over, pressed.pressure_Pa)
     of_form = _energies(_as_it_unloads(over, blunt), pressed.pressure_Pa) - of_spheres
+    of_rim = np.array(RIM_SHARES) * _of_rim(over, blunt, pressed.pressure_Pa)
     sure = np.interp(each, HARD_AT, (0.0, HARD_95)) @ each_N / each_N.sum()
     return LawError(
         stiffness,
         _each(displacement + stiffness),
-        _each(energy + of_form + stiffness),
-        _each(np.hypot(UNLOADING_95 * of_spheres, FORM_95 * of_form)),
+        _each(energy + of_form + of_rim + stiffness),
+        _each(
+            np.linalg.norm((UNLOADING_95 * of_spheres, FORM_95 * of_form, RIM_95 * of_rim), axis=0)
+        ),
         WIDER,
         (_each(np.hypot(AREA_95 * displacement, sure)), _each(np.hypot(AREA_95 * energy, sure))),
     )
@@ -163,7 +174,16 @@ def _pairs_per_m(pressed: Pressed, heavy: np.ndarray) -> np.ndarray:
 
 def _as_it_unloads(over: np.ndarray, blunt: np.ndarray) -> np.ndarray:
     """Return p0 / H of the sphere that unloads as a top does."""
-    return over * blunt ** np.interp(over, BLUNT_AT, (0.0, BLUNT))
+    counts = np.clip(blunt, 1.0 / MOST_BLUNT, MOST_BLUNT)
+    return np.asarray(over * counts ** np.interp(over, BLUNT_AT, (0.0, BLUNT)))
+
+
+def _of_rim(over: np.ndarray, blunt: np.ndarray, pressure_Pa: np.ndarray) -> float:
+    """Return how much more flattened rims lose at the last of `SHARES`, a logarithm."""
+    touching = pressure_Pa > 0.0
+    over, blunt, load = over[touching], blunt[touching], pressure_Pa[touching]
+    each = np.interp(over, RIM_AT, RIM) * np.log(np.maximum(blunt, 1.0))
+    return float(each @ load / load.sum())
 
 
 def _energies(over: np.ndarray, pressure_Pa: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ _BY_PRESSURE, _BY_DEPTH = 0.86, 0.92  # of that mean pressure
 # H / E*, times 8 sqrt(3) / pi, which is p0 / H of an elastic one
 HEIGHT = (0.0, 1.0, 1.104, 1.267, 1.574, 1.93, 2.33, 3.24, 4.25, 6.54, 12.0, 18.5, 33.9, 73.0)
 HEIGHT_AT = (0.0, 1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)
-_MOST_BLUNT = 1.5
+_MOST_BLUNT = 3.0
 _SLENDER = 1.25  # of how far the middle of a part is from the edge: its radius at most, by its area
 
 
