@@ -75,11 +75,11 @@ function answer({ table, friction, K_m, K_s, n, amplitude }) {
   if (!(force > 0) || force > most * (1 + 1e-12)) return null;
   const drop = Math.min(force / friction, joint.P), e = joint.withdrawal(drop);
   const displacement = friction * data.kappa * e, energy = friction ** 2 * data.kappa * joint.loss(drop);
-  const loss = n * energy / (Math.PI * K_m * amplitude ** 2);
+  const loss = n * energy / (Math.PI * K_m * amplitude ** 2), whole = amplitude + n * K_s / K_m * displacement;
+  const light = (value) => value <= data.most_loss_factor ? value : null;
   return {
     force, displacement, energy, stiffness: force / displacement, joint_loss: energy / (Math.PI * force * displacement),
-    loss: loss <= data.most_loss_factor ? loss : null,
-    shift: Math.sqrt(amplitude / (amplitude + n * K_s / K_m * displacement)) - 1,
+    loss: light(loss), total_loss: light(loss * amplitude / whole), shift: Math.sqrt(amplitude / whole) - 1,
   };
 }
 function forceAt(table, friction, displacement) {
@@ -183,9 +183,11 @@ function drawEta(found) {
 function update() {
   const found = answer(state);
   place.querySelector("output").textContent = engineering(state.amplitude, "m");
+  const factor = (value) => value === null ? "not defined: not lightly damped" : plain(value, 4);
   const rows = !found ? [["State", "beyond gross slip: nothing holds the joint"]] : [
     ["Tangential stiffness K (secant)", engineering(found.stiffness, "N/m")], ["Energy W lost per cycle, one joint", engineering(found.energy, "J")],
-    ["Loss factor of the joint", plain(found.joint_loss, 4)], ["Loss factor of the structure", found.loss === null ? "not defined: not lightly damped" : plain(found.loss, 4)],
+    ["Loss factor of the joint", plain(found.joint_loss, 4)], ["Loss factor of the structure with rigid joints", factor(found.loss)],
+    ["With all that the joints move and store, as a decay shows it", factor(found.total_loss)],
     ["Slip force, displacement", `${engineering(found.force, "N")}, ${engineering(found.displacement, "m")}`], ["Frequency shift", `${Number((100 * found.shift).toPrecision(3))} %`],
   ];
   if (found && state.amplitude < data.unresolved * gross()) rows.push(["Energy and loss factors", "a guess: less slips than the pixels resolve"]);
