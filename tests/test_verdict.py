@@ -365,10 +365,11 @@ def test_the_verdict_says_what_is_left_where_a_number_moves_by_more_than_itself(
 
 @pytest.mark.parametrize(
     ("errors", "usable"),
-    [((0.9, 0.69), "usable with care: "), ((0.1, 0.7), "usable with care, not for the energy: "),
-     ((0.1, 1e4), "usable with care, not for the energy: ")],
+    [((0.69, 0.69), "usable with care: "), ((0.1, 0.7), "usable with care, not for the energy: "),
+     ((0.1, 1e4), "usable with care, not for the energy: "),
+     ((0.7, 0.2), "usable with care as an order of magnitude: ")],
 )  # fmt: skip
-def test_an_energy_that_is_not_known_to_a_factor_of_two_is_of_no_use(errors, usable):
+def test_what_is_not_known_to_a_factor_of_two_is_of_no_use(errors, usable):
     """Though each doubt moves it by less, as what is left of it after a filter is 90 % at most."""
     moved = Problem("detail_decides", "warning", "said", Effect(0.1, 0.9, 0.9))
     assert verdict(load(*JOINT.values()), [moved], max(errors), errors).startswith(usable)

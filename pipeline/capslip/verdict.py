@@ -199,14 +199,16 @@ def reason_of(text: str) -> str:
 def _left(warnings: list[Problem], errors: tuple[float, float] | None) -> str:
     """Say for what a result is left usable, where a warning moves a number out of all use.
 
-    Or where the energy at the force that is answered may be off by as much, as a logarithm.
+    Or where a number may be off by as much at the force that is answered, as a logarithm.
     """
     effects = [one.effect for one in warnings if one.effect is not None]
-    if max((one.tangential_stiffness or 0.0 for one in effects), default=0.0) > USELESS:
+    stiffness, energy = (0.0, 0.0) if errors is None else errors
+    most = math.log1p(USELESS)
+    moved = max((one.tangential_stiffness or 0.0 for one in effects), default=0.0)
+    if stiffness > most or moved > USELESS:
         return " as an order of magnitude"
     losses = (max(one.energy or 0.0, one.loss_factor or 0.0) for one in effects)
-    error = 0.0 if errors is None else errors[1]
-    useless = error > math.log1p(USELESS) or max(losses, default=0.0) > USELESS
+    useless = energy > most or max(losses, default=0.0) > USELESS
     return ", not for the energy" if useless else ""
 
 
