@@ -187,6 +187,7 @@ def test_the_energy_is_that_at_half_the_force_of_total_slip():
     assert value["radius_G_m"] == found.families.G.radius_m
 
 
+@pytest.mark.long
 def test_a_run_that_fails_is_no_answer_and_ends_the_range():
     def fails_at_15(surface, settings, other, clock):
         if cut_of(settings) == 0.15:
@@ -327,6 +328,7 @@ def test_caps_on_one_side_name_the_levelling(options, codes):
         assert found.families.h_m == pytest.approx(2.4e-7, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference faces are not at hand")
 def test_the_reference_face_of_caps_names_the_levelling():
     """5 G-caps and 18 P-caps; the plane is tilted by 0.2 um, and 11 of the 18 are left."""

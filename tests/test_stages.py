@@ -326,6 +326,7 @@ def test_a_map_whose_caps_find_no_level_is_pressed_itself_where_there_is_time(
     assert found.contact.alignment == ("balanced" if balanced_by_itself else "as_levelled")
 
 
+@pytest.mark.long
 def test_a_map_that_stands_in_for_caps_without_a_level_has_its_error_and_its_interval():
     with mock.patch("capslip.stages.find_level", side_effect=ContactError("no level")):
         found = analyze(face(), load_settings(overrides=(f"contact.preload_N={PRELOAD_N}",)))

@@ -78,6 +78,7 @@ def test_a_fit_is_pressed_again_where_it_says_so(toy, share):
         assert caps.fit_depth_m[loaded] == pytest.approx(depth_m[loaded], rel=0.02)
 
 
+@pytest.mark.long
 def test_a_fit_takes_its_own_share_of_the_height(toy):
     overrides = toy(7.0, "depth_share=0.8")
     caps = capslip.analyze(caps_map(CAPS), capslip.load_settings(None, overrides)).caps

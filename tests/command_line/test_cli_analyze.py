@@ -36,6 +36,7 @@ def test_the_result_is_complete(result):
     assert len(list((out / "figures").glob("*.png"))) >= 8
 
 
+@pytest.mark.long
 def test_both_families_are_found(result):
     _, summary = result
     assert (summary["families"]["m"], summary["families"]["n"]) == (2, 9)
@@ -44,6 +45,7 @@ def test_both_families_are_found(result):
     assert summary["families"]["h_m"] == pytest.approx(2.4e-7, rel=0.05)
 
 
+@pytest.mark.long
 def test_the_tables_agree(result):
     out, summary = result
     with h5py.File(out / "result.h5") as file:

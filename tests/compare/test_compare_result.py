@@ -348,6 +348,7 @@ def test_the_sample_curves_are_those_of_their_joint_as_a_sensor_sees_it(tmp_path
     assert (np.abs(off) < [found.friction_coefficient_log_std, found.preload_log_std]).all()
 
 
+@pytest.mark.long
 def test_the_figure_names_the_curves_of_the_model_as_such(compared):
     """A map that was pressed has no caps."""
     labels = [line.get_label() for line in comparison(compared).axes[0].get_lines()]
@@ -434,6 +435,7 @@ def test_greatest_values_are_allowed(tmp_path):
     assert (measured.amplitude_m[1], measured.loss_factor[1]) == (0.1, 1.0)
 
 
+@pytest.mark.long
 def test_text_and_json_hold_what_was_found(compared):
     found = compared
     points = to_dict(found)["points"]
@@ -457,6 +459,7 @@ def test_text_and_json_hold_what_was_found(compared):
     assert fit.endswith("rms ln ratio 0.125")
 
 
+@pytest.mark.long
 def test_nothing_is_said_to_be_identified_by_a_model_that_misses_the_points(compared):
     """Neither in text nor as numbers or a curve; the remarks say what was found out."""
     fit = replace(compared.identified, rms_log_ratio=float(np.log(3.0)) - 1e-9)

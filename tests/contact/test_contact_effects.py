@@ -386,6 +386,7 @@ def test_a_low_bow_is_a_warning_where_it_moves_the_energy_alone(seed, severity):
     assert asked.effect.energy == pytest.approx(moved_energy(bowed, level), rel=0.2, abs=0.002)
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize(("model", "points"), [("interacting", 120), ("boundary_elements", 80)])
 def test_a_tilt_that_was_left_in_moves_what_levelling_moves_and_nothing_in_balance(model, points):
@@ -491,6 +492,7 @@ def test_seams_move_what_one_field_moves(model, points, rise_m):
     assert effect.energy == pytest.approx(more, rel=0.1)
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize(("burr_m", "load_N"), [(1e-6, 400.0), (1.3e-6, 100.0)])
 def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
@@ -507,6 +509,7 @@ def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
     assert (said.severity == "warning") == (said.effect.energy > 0.05)
 
 
+@pytest.mark.long
 @ON_FEWER
 @pytest.mark.parametrize("at", [(62, 63), (60, 66), (70, 60)])
 def test_a_burr_within_a_contact_moves_what_it_moves_at_its_rim(at):
@@ -793,6 +796,7 @@ def test_forms_by_which_scans_differ_may_move_what_bows_of_their_mean_change():
 S_FILTER = "conditioning.s_filter_nesting_index_m"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "index_m", "severity"),
     [(5, 1e-3, "info"), (4, 2e-3, "warning"), (5, 3e-3, "warning")],
@@ -861,6 +865,7 @@ def test_a_filter_of_short_waves_that_takes_nothing_off_is_no_doubt():
     assert "short_waves_filtered" not in {problem.code for problem in one.problems}
 
 
+@pytest.mark.long
 def test_fewer_points_are_not_followed_again_to_be_held_against_more(monkeypatch):
     """Their slip is known from the answer: the finer map alone is followed, at few forces."""
     followed, whole = [], BoundaryElementCurve.at_forces

@@ -117,6 +117,7 @@ def test_a_plane_added_to_waves_changes_nothing():
     same_answers(plain(few_waves), analyzed(added, "conditioning.form=none"), 1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("of", [face, few_waves])
 def test_a_mirrored_and_a_transposed_map_give_the_same_answers(of):
     z_m = of().height_m
@@ -352,6 +353,7 @@ def test_whether_caps_find_a_level_is_no_doubt_of_a_map_that_finds_its_balance()
     assert energies_J == pytest.approx([energies_J[0]] * 4, rel=1e-5)
 
 
+@pytest.mark.long
 def test_two_mated_faces_balance_however_they_were_tilted():
     rng = np.random.default_rng(5)
     rough = HeightMap(2e-8 * gaussian_filter(rng.standard_normal(SHAPE), 6.0) * 20.0, PIXEL_M)

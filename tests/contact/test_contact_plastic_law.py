@@ -395,6 +395,7 @@ def nested(n=41):
     return {"ring": ring, "ridges": ridges}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "load_N", "off"), [("ring", 0.1, 0.05), ("ridges", 0.06, 0.3)])
 def test_contacts_one_within_another_sink_each_other_as_their_half_space_does(name, load_N, off):
     """By their middles a ring is where what it surrounds is, and ridges bear as points do."""

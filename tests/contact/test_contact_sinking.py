@@ -188,6 +188,7 @@ def test_a_rough_face_under_the_same_load_again_is_as_it_was(seed):
     assert found == pytest.approx(known, rel=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness_Pa", [math.inf, 3e9])
 def test_finer_points_turn_under_a_load_next_to_that_of_the_balance(hardness_Pa):
     """Under a billionth more load a face is what it was; the finer points find its balance."""

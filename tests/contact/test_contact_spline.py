@@ -91,6 +91,7 @@ def test_contacts_of_few_pixels_slip_as_those_of_finer_ones(seed):
     assert (np.abs(off) <= [stated.energy_at(share) for share in detail.FORCE_SHARES]).all()
 
 
+@pytest.mark.long
 def test_a_hill_that_touches_beyond_the_last_pixels_alone_is_in_the_stated_error():
     """It bears a thousandth of the load, and makes a fifth of what is lost at a tenth of mu N."""
     scan = boundary_elements(rough(7), E, preload_N=40.0)

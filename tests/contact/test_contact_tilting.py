@@ -206,6 +206,7 @@ def test_what_holds_the_parts_is_at_ease_where_they_were_though_the_map_is_turne
     assert np.hypot(*np.subtract(as_turned.resultant_m, base.resultant_m)) > 1e-4
 
 
+@pytest.mark.long
 def test_a_map_of_which_caps_found_the_level_is_held_from_where_it_was_levelled():
     """Moments K theta / N off the load point, with the whole tilt; craters are no caps."""
     y_m, x_m = 4e-4 * (np.indices((100, 150)) + 0.5)

@@ -345,6 +345,7 @@ def test_nothing_is_said_where_every_pressure_has_its_curve():
     assert said_of(of, patches_of([2.0], any_load), 0.05) == []
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
 def test_a_light_patch_whose_slip_there_was_no_time_to_follow_says_so(

@@ -305,6 +305,7 @@ def test_unknown_limits_are_not_called_gps(several):
     assert labels == ["GPS or PPS, not told apart", "TS: all contacts slide (gross slip)"]
 
 
+@pytest.mark.long
 def test_energy_starts_with_slope_three(one):
     x, y = curve(FIGURES["energy"].draw(one), "W")
     slope = np.diff(np.log(y)) / np.diff(np.log(x))

@@ -167,6 +167,7 @@ def test_a_file_that_finds_no_room_is_an_error_and_not_the_end_of_the_process(tm
     assert (ran.returncode, ran.stdout, ran.stderr) == (0, "File too large\n", "")
 
 
+@pytest.mark.long
 def test_at_the_pressure_of_the_scan_it_is_the_slip_curve_of_the_analysis(written):
     analysis, folder = written
     about, law = table(folder / "law.csv")
@@ -185,6 +186,7 @@ def test_at_the_pressure_of_the_scan_it_is_the_slip_curve_of_the_analysis(writte
         assert word in about
 
 
+@pytest.mark.long
 def test_json_and_hdf5_hold_the_same(written):
     _, folder = written
     _, law = table(folder / "law.csv")
@@ -201,6 +203,7 @@ def test_json_and_hdf5_hold_the_same(written):
             np.testing.assert_array_equal(column, file[f"sliders/{name}"])
 
 
+@pytest.mark.long
 def test_the_python_file_runs_alone(written, tmp_path):
     """In a process without this package: numpy and the two files are enough."""
     analysis, folder = written
@@ -226,6 +229,7 @@ def test_the_python_file_runs_alone(written, tmp_path):
     assert loss == pytest.approx([s.energy_J(x) for s, x in zip(slips, delta, strict=True)], 0.02)
 
 
+@pytest.mark.long
 def test_sliders_sum_to_the_backbone(written):
     analysis, folder = written
     about, sliders = table(folder / "law_jenkins.csv")
@@ -438,6 +442,7 @@ def test_the_cards_of_a_map_that_stands_higher_between_its_pixels_begin_where_it
     np.testing.assert_allclose(found.total_slip_displacement_m, slides_m, rtol=4e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("program", DECKS)
 def test_the_cards_hold_the_curve(written, program):
     analysis, folder = written
@@ -473,6 +478,7 @@ def test_the_cards_hold_the_curve(written, program):
         assert float(cards[i].split("=")[1]) == pytest.approx(mu * at / k_t, rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("program", DECKS)
 def test_the_cards_say_how_each_of_their_numbers_becomes_one_in_mm(written, program):
     lines = (written[1] / DECKS[program]).read_text(encoding="utf-8").splitlines()
@@ -665,6 +671,7 @@ def test_the_law_ends_where_hills_touch_that_the_cut_left_out(tmp_path, lower_m,
     assert contacts == [len(CAPS), len(CAPS) + len(LOWER)]
 
 
+@pytest.mark.long
 def test_a_plane_below_the_cut_touches_no_more_than_caps_where_all_beside_them_is_sunk(written):
     """Contacts sink what lies around them: as an analysis under the greatest pressure finds it."""
     analysis, folder = written
@@ -682,6 +689,7 @@ def test_a_plane_below_the_cut_touches_no_more_than_caps_where_all_beside_them_i
     assert more.contact.approach_m > caps.max() - analysis.hills.cut_height_m
 
 
+@pytest.mark.long
 def test_caps_do_not_hold_where_another_one_touches_or_nobody_can_look(written):
     analysis = written[0]
     face, contact, settings = analysis.face, analysis.contact, analysis.settings
@@ -791,6 +799,7 @@ def test_the_law_of_caps_that_are_cut_and_fitted_anew_is_that_of_analyses(tmp_pa
     assert min(kept) > 0.3  # else nothing would have to be found anew
 
 
+@pytest.mark.long
 def test_caps_that_stay_are_not_sought_under_each_pressure(written):
     """As each costs as much as the level of the analysis."""
     analysis, _ = written
@@ -865,6 +874,7 @@ def test_doubts_go_with_the_law(of_two, tmp_path, same_law):
     assert "check" in (tmp_path / "law.json").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("tolerance", "status"), [(1e-6, "check"), (0.9, "ok")])
 def test_the_status_of_a_law_counts_what_the_law_says_of_itself(
     written, tmp_path, same_law, tolerance, status, monkeypatch
@@ -913,6 +923,7 @@ def test_a_folder_with_a_law_is_a_result_and_is_replaced(of_two, tmp_path, same_
     assert not any((tmp_path / "a" / name).exists() for name in EXPORT.files)
 
 
+@pytest.mark.long
 def test_without_slip_there_is_no_law(written, tmp_path):
     analysis, _ = written
     with pytest.raises(ContactError, match="needs a slip curve"):

@@ -277,6 +277,7 @@ def test_ten_thousand_rows_are_filtered_and_sorted_and_few_are_made(many, asked)
     assert found["said"][3][1] == everything
 
 
+@pytest.mark.long
 @needs_chromium
 def test_words_that_are_looked_for_leave_the_scans_that_have_them(many, asked):
     assert asked["find"] == [many[1][42]["scan"]]

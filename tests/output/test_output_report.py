@@ -64,6 +64,7 @@ def test_report_needs_nothing_from_elsewhere(page):
     assert "http" not in page.source
 
 
+@pytest.mark.long
 def test_report_shows_every_figure_with_title_and_text(page, several):
     images = page.all("img")
     assert len(images) == len(FIGURES)
@@ -76,6 +77,7 @@ def test_report_shows_every_figure_with_title_and_text(page, several):
         assert f"{entry.caption} {entry.good}" in page.text
 
 
+@pytest.mark.long
 def test_missing_picture_is_said(page):
     assert "no OpenGL here" in page.text
 
@@ -97,6 +99,7 @@ def test_report_without_figures_says_they_are_off(several, tmp_path):
     assert page.text.count("switched off") == len(FIGURES) + 1
 
 
+@pytest.mark.long
 def test_report_says_the_numbers_of_the_summary(page, several):
     assert f"status {several.status}." in page.text
     assert f"{several.families.m}, {several.families.n}" in page.text
@@ -205,6 +208,7 @@ def test_all_causes_come_first_errors_before_what_moves_most(several, tmp_path):
     assert "the energy by a factor of 110" in page.source
 
 
+@pytest.mark.long
 def test_answer_comes_before_everything_else(page, several):
     order = ["Answer", "Assumed, not given", "What limits it", "Figures", "Caps", "Problems"]
     places = [page.source.index("Verdict:")]
@@ -213,6 +217,7 @@ def test_answer_comes_before_everything_else(page, several):
     assert several.settings.sha256()[:12] in page.text.split("Methods, to paste")[1]
 
 
+@pytest.mark.long
 def test_every_head_of_a_table_says_what_it_heads(page):
     heads = page.all("th")
     assert heads

@@ -237,6 +237,7 @@ def test_page_refuses_the_state_of_contacts_that_are_not_known(folder, tmp_path)
     assert page.exists()
 
 
+@pytest.mark.long
 @needs_chromium
 def test_page_of_a_pressed_map_begins_with_what_touches(asked, tmp_path):
     analysis = output_cases.pressed_map()
@@ -277,6 +278,7 @@ def test_page_says_how_much_of_a_pressed_map_touches_as_the_window_does(tmp_path
     assert float(area) == pytest.approx(contact_mm2, rel=0.03)
 
 
+@pytest.mark.long
 @needs_chromium
 def test_no_name_ends_the_data_or_the_page(folder, tmp_path):
     view = replace(read_view(folder), summary={"name": "a <!--<script> b </script>"})
@@ -343,6 +345,7 @@ def test_page_shows_two_faces_or_their_sum(asked, tmp_path):
     assert ((blue > red + 12) & (red > 60)).sum() > 20_000  # the second, seen through
 
 
+@pytest.mark.long
 @needs_chromium
 def test_click_on_a_cap_shows_its_row_and_profile(asked):
     said = asked["click"]
@@ -351,6 +354,7 @@ def test_click_on_a_cap_shows_its_row_and_profile(asked):
     assert said[1] is False
 
 
+@pytest.mark.long
 @needs_chromium
 @pytest.mark.parametrize("width", [420, 1400])
 def test_page_fits_its_width(asked, width):
@@ -359,6 +363,7 @@ def test_page_fits_its_width(asked, width):
     assert 0.4 < shape < 1.3  # neither a slit nor a shaft with the face somewhere in it
 
 
+@pytest.mark.long
 @needs_chromium
 def test_slider_answers_within_a_frame(asked):
     assert asked["frames"] < 16.0

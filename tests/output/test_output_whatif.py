@@ -157,6 +157,7 @@ def test_panel_equals_python_to_a_millionth(case, asked):
             assert one["total_loss"] < one["loss"]
 
 
+@pytest.mark.long
 @needs_chromium
 def test_loop_of_the_panel_is_that_of_the_slip_curve(case, asked):
     analysis, _ = case
@@ -166,6 +167,7 @@ def test_loop_of_the_panel_is_that_of_the_slip_curve(case, asked):
     np.testing.assert_allclose(found[:, 1], force_N, atol=1e-6 * force_N.max())
 
 
+@pytest.mark.long
 @needs_chromium
 def test_panel_answers_within_a_frame_and_follows_its_inputs(asked):
     took_ms, before, after, beyond = asked["frames"]
@@ -176,6 +178,7 @@ def test_panel_answers_within_a_frame_and_follows_its_inputs(asked):
     assert "beyond gross slip" in beyond
 
 
+@pytest.mark.long
 @either_look
 @needs_chromium
 def test_what_is_no_number_above_0_is_not_taken_and_does_not_stay_in_its_field(asked):
@@ -185,6 +188,7 @@ def test_what_is_no_number_above_0_is_not_taken_and_does_not_stay_in_its_field(a
     assert before == after
 
 
+@pytest.mark.long
 @needs_chromium
 def test_what_the_pixels_do_not_resolve_is_called_a_guess(case, asked):
     analysis, _ = case
@@ -194,6 +198,7 @@ def test_what_the_pixels_do_not_resolve_is_called_a_guess(case, asked):
     assert ("a guess" in below) == (unresolved > 0.002)
 
 
+@pytest.mark.long
 @either_look
 @needs_chromium
 def test_report_fits_its_width_and_has_no_fault(asked):
@@ -201,6 +206,7 @@ def test_report_fits_its_width_and_has_no_fault(asked):
     assert asked["narrow"] <= 420
 
 
+@pytest.mark.long
 @either_look
 @needs_chromium
 def test_columns_of_the_caps_sort(case, asked):
@@ -219,6 +225,7 @@ def test_report_is_dark_where_the_reader_wants_it(case, tmp_path):
     assert picture(page, tmp_path)[:, :20].mean() > 240.0
 
 
+@pytest.mark.long
 @either_look
 @needs_chromium
 def test_print_holds_every_figure_and_leaves_no_page_half_empty(case, tmp_path):
@@ -232,11 +239,13 @@ def test_print_holds_every_figure_and_leaves_no_page_half_empty(case, tmp_path):
     assert 2 <= pages <= 10
 
 
+@pytest.mark.long
 def test_report_is_small(case):
     _, page = case
     assert page.stat().st_size < 4e6
 
 
+@pytest.mark.long
 @either_look
 @needs_chromium
 def test_fields_and_small_numbers_of_the_panel_can_be_read(case, asked):

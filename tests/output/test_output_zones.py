@@ -179,6 +179,7 @@ def test_as_much_of_a_map_touches_as_under_that_load(wavy, load_share):
     np.testing.assert_array_equal(stick, pixels_at(zones, zone_at(zones, load_share, 0.0))[0])
 
 
+@pytest.mark.long
 def test_a_region_is_of_the_hill_under_its_greatest_pressure(wavy):
     zones, hill = zones_for(wavy), wavy.hills.label.ravel()
     pressure_Pa = wavy.contact.normal.pressed(600.0).pressure_Pa.ravel()[zones.pixel]
@@ -189,6 +190,7 @@ def test_a_region_is_of_the_hill_under_its_greatest_pressure(wavy):
     assert len(set(zones.cap)) > 5
 
 
+@pytest.mark.long
 def test_table_profile_and_picture_agree_on_what_each_hill_bears(wavy, tmp_path):
     label, n = wavy.hills.label, len(wavy.caps)
     pressed = wavy.contact.normal.pressed(600.0)

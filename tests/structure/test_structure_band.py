@@ -450,6 +450,7 @@ def test_a_map_is_followed_down_from_its_preload_alone():
     assert found.left_out == ("error of the model", *OF_A_MAP)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("seed", [38, 43])
 def test_an_interval_of_the_load_knows_what_touches_under_more_of_it(seed):
@@ -507,6 +508,7 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
         assert found.contributions[one] == moves, one
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("hardness_Pa", "name", "spread"),
     [
@@ -573,6 +575,7 @@ def test_a_hardness_that_moves_little_of_what_yields_little_costs_one_solution(
     assert len(changes) == solutions
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=5e6",)])
 @pytest.mark.parametrize("name", ["preload", "modulus"])
 def test_a_joint_pressed_unevenly_is_followed_where_its_caps_start_to_touch(

@@ -331,6 +331,7 @@ def test_scans_close_together_as_their_stiffness_says(other):
         tables.closure_m(0.9 * found.range_Pa[0])
 
 
+@pytest.mark.long
 def test_scans_that_yield_close_together_from_where_they_are_unloaded():
     """Each pressure from a bed of its own; here all stiffnesses are as one power of the load."""
     hard = CURVES["spheres"]
@@ -429,6 +430,7 @@ def law_that_yields():
     return law_of(after(LOAD_N), hardness=1e9, after=after)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["families", "boundary_elements"])
 def test_each_pressure_of_a_face_that_yields_has_its_own_unloading(name):
     found = law_that_yields()
@@ -471,6 +473,7 @@ def test_each_pressure_of_a_face_that_yields_has_its_own_unloading(name):
     assert as_flat > 1.4 * own
 
 
+@pytest.mark.long
 def test_no_bed_of_a_law_is_found_twice(monkeypatch):
     """Those of all pressures are asked for at each turn that adds some, and in the end."""
     asked, found_bed = [], beds._from_touch
@@ -613,6 +616,7 @@ def slid(p, delta, radius_m=RADIUS_M):
     return k_n[:, 0] / kappa[:, 0], tau, w / of_one
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scans", [1, 2])
 @pytest.mark.parametrize("yields", [False, True])
 def test_each_pressure_slips_with_the_kappa_of_its_own_contacts(yields, scans):

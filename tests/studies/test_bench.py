@@ -56,6 +56,7 @@ def test_files_and_rows(small, tmp_path):
     assert result["machine"]["numpy"] in page
 
 
+@pytest.mark.long
 def test_a_large_result_is_one_of_its_map_and_is_drawn(small, tmp_path):
     scan, out = tmp_path / "face.h5", tmp_path / "large"
     write_hdf5(study._face(), scan)

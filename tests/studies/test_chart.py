@@ -100,6 +100,7 @@ def test_the_reference_is_certified(results):
         assert known["uncertainty"]["energy_0.5"] < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("quantity", ["energy_0.25", "energy_0.5", "approach", "stiffness"])
 def test_no_rung_is_worse_than_the_one_below(results, quantity):
     errors = [median(results, f"{model}, contact, watershed", quantity) for model in LADDER]
@@ -112,24 +113,28 @@ def test_no_rung_is_worse_than_the_one_below(results, quantity):
     assert median(results, BOUNDARY, quantity) <= max(errors[3], BLOCK * unsure)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("quantity", ["energy_0.1", "energy_0.5", "approach", "stiffness"])
 def test_on_waves_boundary_elements_are_the_top_of_the_ladder(results, quantity):
     top, below = (median(results, line, quantity, "waves") for line in (BOUNDARY, INTERACTING))
     assert top < below
 
 
+@pytest.mark.long
 def test_interacting_caps_are_good_on_faces_of_caps(results):
     for quantity in ("energy_0.25", "energy_0.5", "stiffness"):
         assert median(results, INTERACTING, quantity) < 0.01
     assert median(results, PAPER, "energy_0.25") > 0.05
 
 
+@pytest.mark.long
 def test_a_coarser_grid_costs_boundary_elements_accuracy_and_saves_time(results):
     for quantity, sign in (("approach", 1), ("seconds", -1)):
         full, half = (median(results, BOUNDARY, quantity, "all", s) for s in ("1/1", "1/2"))
         assert sign * half > sign * full
 
 
+@pytest.mark.long
 def test_the_automatic_choice_is_honest(results):
     found = results["honesty"]["same"]
     assert len(found) == len(CAPS) + len(WAVES)
@@ -144,6 +149,7 @@ def test_the_automatic_choice_is_honest(results):
         assert row["estimated"] <= row["requested"]
 
 
+@pytest.mark.long
 def test_the_pareto_front_is_not_dominated(results):
     place = {
         (p["line"], p["setting"]): (

@@ -149,6 +149,7 @@ def test_no_silent_failure(found):
     assert found["silent"] == []
 
 
+@pytest.mark.long
 def test_every_case_has_a_truth_and_an_outcome(found):
     assert {run["outcome"] for run in found["runs"]} <= {
         "right",

@@ -87,6 +87,7 @@ def test_what_is_of_the_points_of_a_map_has_no_finer_one():
         synthetic_surface(replace(wavy(5e-3, 50), noise_rms_m=1e-9), finer=2)
 
 
+@pytest.mark.long
 def test_separate_caps_pressed_answer_as_interacting_caps_do():
     scene, preload_N = harmless_faces(0)["smaller caps"]
     case, settings = Case("", 0.0, "caps", scene, preload_N), settings_at(preload_N)
@@ -97,6 +98,7 @@ def test_separate_caps_pressed_answer_as_interacting_caps_do():
     np.testing.assert_allclose(answers(answers_of_face(case, settings)), expected, rtol=0.01)
 
 
+@pytest.mark.long
 def test_the_truth_does_not_know_the_pixels_of_the_scan():
     scene = paired_caps(1.4, 0)
     coarser = replace(scene, shape=(150, 225), pixel_size_m=(4e-2 / 150, 6e-2 / 225))

@@ -44,6 +44,7 @@ def losses_of(contact):
     return losses(*given, FORCE_SHARES)
 
 
+@pytest.mark.long
 def test_an_elastic_half_space_is_that_of_hertz(elastic):
     """The ring at the edge is a part of the outermost place, which is left out."""
     assert elastic.radius == pytest.approx(np.cbrt(0.75 * elastic.load), rel=2e-3)
@@ -60,6 +61,7 @@ def test_a_sphere_that_yielded_loses_what_finer_elements_lose(yielded):
     assert yielded.radius == pytest.approx(law, rel=0.02)
 
 
+@pytest.mark.long
 def test_no_pressure_is_beyond_what_the_yield_stress_bears(elastic, yielded):
     """Under a flat punch, which is the most confined, it is 6.1 Y at most (Eason and Shield)."""
     assert elastic.pressure[:-1].min() > 0.0
@@ -67,6 +69,7 @@ def test_no_pressure_is_beyond_what_the_yield_stress_bears(elastic, yielded):
     assert yielded.pressure.max() < 6.1 * yielded.yield_stress
 
 
+@pytest.mark.long
 def test_what_presses_is_what_holds_the_body_and_the_mean_pressure_over_the_area(elastic, yielded):
     for contact in elastic, yielded:
         assert contact.held_load == pytest.approx(contact.load, rel=1e-4)

@@ -93,6 +93,7 @@ def test_all_tops_bear_about_the_hardness_in_the_end(mesh, top):
     assert contact.held_load == pytest.approx(contact.load, rel=1e-4)
 
 
+@pytest.mark.long
 def test_a_cone_that_yields_is_like_itself_at_any_size(mesh):
     """Its tip is blunted by the mesh, and that is soon forgotten: F ~ a^2 and d ~ a."""
     body, found = Body(mesh, 0.13, 0.0, CONE.height), {}
@@ -147,6 +148,7 @@ def test_pressures_of_a_cone_are_withdrawn_as_sneddon_says():
     assert lost == pytest.approx(math.pi / 2.0 * (1.0 - c**2), abs=1e-3)
 
 
+@pytest.mark.long
 def test_the_tables_have_a_row_a_case_and_leave_out_what_finds_no_balance(monkeypatch):
     monkeypatch.setattr(plastic_tops, "PIXELS", 12)
     two = plastic_tops.Top("r^4", FOURTH.height, 0.0, (0.2, 0.3))
@@ -164,6 +166,7 @@ def test_the_tables_have_a_row_a_case_and_leave_out_what_finds_no_balance(monkey
     assert "r^4 at 0.3: no balance" in told[3]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("power", "overload"), [(5, 0.75), (9, 0.7), (9, 1.0)])
 def test_blunt_tops_lose_what_is_stated_before_the_bound_has_flattened_their_rim(power, overload):
     """Metal yields at the rim well below its hardness, and loses more far into slip."""

@@ -181,6 +181,7 @@ def test_what_the_page_says_of_fig_7(page):
         assert row["printed_eq_16_after_jump"] < 0.2 * row["printed_eq_16_before_jump"]
 
 
+@pytest.mark.long
 def test_place_of_the_joints(page):
     beam = page[1]["beam"]
     assert beam["rows"][0]["zero_moment_position_m"] == pytest.approx(0.08966, abs=1e-5)
@@ -189,6 +190,7 @@ def test_place_of_the_joints(page):
     assert beam["greatest_shear_ratio"] < 1.165
 
 
+@pytest.mark.long
 def test_page_opens_offline_and_holds_everything(page):
     folder, numbers = page
     html = (folder / "reproduce.html").read_text(encoding="utf-8")
@@ -202,6 +204,7 @@ def test_page_opens_offline_and_holds_everything(page):
     assert all(fields <= set(row) for row in numbers["table1"])
 
 
+@pytest.mark.long
 def test_committed_errata_are_those_computed(found, page):
     text = errata_markdown(found)
     committed = (PROJECT / "docs" / "errata.md").read_text(encoding="utf-8")

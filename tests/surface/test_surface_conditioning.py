@@ -330,6 +330,7 @@ def test_a_form_below_a_filter_of_long_waves_is_one_of_these():
     assert condition(HeightMap(rough(), PIXEL_M), **given).form is None
 
 
+@pytest.mark.long
 def test_condition_is_quick_and_small():
     scene = Scene(families=(CapFamily("G", 5, 23.8),), noise_rms_m=2e-9, tilt=(1e-3, 0.0))
     scene = replace(scene, n_spikes=100, spike_m=2e-6, non_measured_fraction=0.05)

@@ -234,6 +234,7 @@ def test_a_print_finds_its_place_however_high_it_and_the_faces_are(height, unit)
     assert found.correlation == pytest.approx(2 * height / (1 + height**2), rel=1e-3)
 
 
+@pytest.mark.long
 def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
     first = HeightMap(waves((120, 180), 1, width=4), PIXEL_M)
     second = HeightMap(waves((120, 180), 2, width=4), PIXEL_M)
@@ -266,6 +267,7 @@ def grooved_pair(cross, seed):
     return first, second, (dy * D_M, dx * D_M)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [3, 6])
 def test_grooved_faces_find_their_place_along_the_lay_too(seed):
     """Half a map off the grooves match on half of the points as well as on all of them."""
@@ -276,6 +278,7 @@ def test_grooved_faces_find_their_place_along_the_lay_too(seed):
     assert found.other is None or abs(found.other.offset_m[0] - offset_m[0]) > 5 * D_M
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cross", "sure"), [(0.0, False), (0.01, False), (0.3, True)])
 def test_places_along_a_lay_that_are_as_good_are_said(cross, sure):
     first, second, (dy_m, dx_m) = grooved_pair(cross, 3)

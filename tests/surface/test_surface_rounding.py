@@ -77,6 +77,7 @@ def test_what_is_in_no_steps_stays_as_it_is():
         assert problems_of_rounding(surface) == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step_m", [2e-7, 6e-7])
 def test_steps_that_are_too_few_to_smooth_are_told_and_doubted(step_m):
     """Of four levels and of two: nobody sees what lies between."""
@@ -141,6 +142,7 @@ def test_steps_of_grooves_are_seen_whichever_way_they_run(along):
     assert np.std(found.height_m - true_m) < 0.95 * np.std(rounded(true_m, 1e-8).height_m - true_m)
 
 
+@pytest.mark.long
 def test_the_lower_family_counts_as_well():
     """On the faces of the paper the highest places are those of five caps of 23."""
     stated_m, off_m = [], []

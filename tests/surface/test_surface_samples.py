@@ -41,6 +41,7 @@ def assert_same_files(folder):
         assert same, f"{name} differs from the committed one: run make samples, and look at why"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_writing_again_gives_the_committed_heights(written, name):
     new, old = (load_surface(folder / f"{name}.h5") for folder in (written, FOLDER))

@@ -236,6 +236,7 @@ def test_impossible_scenes_are_refused(change, words):
         synthetic_surface(replace(SMALL, **change))
 
 
+@pytest.mark.long
 def test_paper_sized_face_is_made_quickly():
     scene = replace(PAPER, families=(CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 0.24e-6)))
     assert in_filters(lambda: synthetic_surface(replace(scene, seed=0))) < 40.0

@@ -73,6 +73,7 @@ def test_what_was_not_clipped_stays_to_the_bit():
     assert found.tops.points == np.count_nonzero(~kept) == clipped_points(cut).size
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise_m", [1e-9, 4e-9])
 def test_standard_errors_are_those_of_the_noise(noise_m):
     """Nine caps on eight faces: their tops stand at the places of the table."""
@@ -176,6 +177,7 @@ def test_a_floor_that_was_designed_or_is_a_step_or_a_few_points_is_no_limit():
     assert floor_points(HeightMap(noisy_m[few][1:], PIXEL_M)) is None
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
 def test_a_clipped_face_answers_as_the_whole(model):
@@ -263,6 +265,7 @@ def said_of_clipped(found):
     return [one for one in found.problems if one.code == "clipped"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("way", "mirror"), [("composite", "x"), ("together", "y")])
 def test_tops_of_the_second_face_are_put_back_and_doubted_as_those_of_the_first(way, mirror):
     cut = clipped(face(4e-9))
@@ -281,6 +284,7 @@ def test_tops_of_the_second_face_are_put_back_and_doubted_as_those_of_the_first(
     np.testing.assert_allclose(np.sort(b.peak_height_se_m), np.sort(a.peak_height_se_m), rtol=1e-2)
 
 
+@pytest.mark.long
 def test_each_of_two_scans_tells_of_its_own_tops():
     one, other = clipped(face(1e-9)), clipped(face(1e-9, seed=2), -3e-8)
     found = pressed_with(one, other, "mating.mirror=y")
