@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_contact_yielding_map import R_M, E, metal_unloading, sphere
 
 from capslip.analysis import analyze_families, analyze_once
+from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.families import families
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.slip import slip_curve
@@ -282,6 +284,50 @@ def test_a_face_that_yields_has_felt_the_greatest_load_of_the_cycle():
     got, expected, other = (one.slip.curve.load_N(approach_m) for one in (varied, once, less))
     np.testing.assert_allclose(got, expected, rtol=1e-9)
     assert (np.abs(other / got - 1) > 0.01).any()
+
+
+class OfMetal:
+    """The unloading of a round contact with the pressures of metal, by Abel's integral."""
+
+    def __init__(self, over_hardness, load_N, a_m):
+        self.greatest_N = load_N
+        self.withdrawn_m, self.drop_N, _ = metal_unloading(over_hardness, load_N, a_m)
+
+    def approach_m(self, load_N):
+        return self.withdrawn_m[-1] - self.withdrawal_m(0.0, self.greatest_N - load_N)
+
+    def withdrawal_m(self, _, load_drop_N):
+        return np.interp(load_drop_N, self.drop_N, self.withdrawn_m)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("over", [1.0, 2.0, 4.0])
+def test_a_sphere_that_yields_loses_under_an_oscillating_load_what_finite_elements_say(over):
+    """In phase as well it may lose more than as it was first loaded: a flat has let go of its edge.
+
+    The greatest load of a cycle made the contact, and slip goes on where the mean has left it.
+    """
+    hardness, T = 1e9, MU * SHARES[1:]
+    greatest_N = (over * hardness) ** 3 * np.pi**3 * R_M**2 / (6.0 * E**2)
+    face = sphere(1e-5, 48, (3e-6, 0.0))
+    curve = boundary_elements(face, E, preload_N=greatest_N, hardness_Pa=hardness)
+    a_m = math.sqrt(curve.unloading(greatest_N).contact_area_m2 / math.pi)
+    metal = OfMetal(over, greatest_N, a_m)
+    first = OfMetal(over, greatest_N / 1.1, a_m / math.sqrt(1.1))
+    for ratio, phase_rad in ((0.02, 0.0), (0.1, 0.0), (0.1, math.pi / 2), (0.2, 0.5)):
+        N = greatest_N / (1.0 + ratio)
+        got_J, known_J = (
+            VaryingSlip(one, N, 0.0, MU, KAPPA, ratio, phase_rad).energy_at_force_J(T * N)
+            for one in (curve, metal)
+        )
+        np.testing.assert_allclose(got_J[0], known_J[0], rtol=0.05)
+        np.testing.assert_allclose(got_J[1:], known_J[1:], rtol=0.02)
+    N = greatest_N / 1.1
+    moved, still = (
+        float(VaryingSlip(one, N, 0.0, MU, KAPPA, ratio, 0.0).energy_at_force_J(0.25 * MU * N))
+        for one, ratio in ((metal, 0.1), (first, 1e-9))
+    )
+    assert (moved > still) == (over > 3.0)
 
 
 def test_bad_settings_are_named():
