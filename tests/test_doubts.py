@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from capslip import doubts
-from capslip.analysis import analyze_once
+from capslip.analysis import analyze, analyze_once
 from capslip.contact.rung import ModelError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings, load_settings
 from capslip.surface.doubts import problems_of_tilt
 from capslip.surface.flatness import bow_left, problems_of_flatness
 from capslip.surface.heightmap import HeightMap
+from capslip.units import off_by, share_of
 from scenes import PROJECT, caps_map
 
 ASKED = {
@@ -27,6 +28,7 @@ ASKED = {
 }
 
 
+SMALL = "small_slip_extrapolated"
 FLATNESS = "instrument.flatness_deviation_m"
 PRESSED = HeightMap(np.zeros((3, 4)), (1e-4, 1e-4))
 
@@ -288,3 +290,29 @@ def test_a_load_point_under_which_nothing_turns_moves_the_told_distance_alone():
 def test_defaults_that_are_written_out_are_not_given(scanned):
     for settings in (load_settings(PROJECT / "configs" / "default.toml"), Settings()):
         assert doubts.problems_of_settings(settings, scanned, mated=False) == []
+
+
+@pytest.mark.long
+def test_a_forced_map_says_what_its_error_leaves_at_the_force_that_is_asked_for():
+    """A sphere at four times its hardness, at a tenth of mu N: pixels tell nothing of the energy.
+
+    The error of a forced model is found last: the doubt said "more than 5 %", without an effect.
+    """
+    y_m, x_m = (np.mgrid[-20:20, -20:20] + 0.5) * 2e-6
+    sphere = HeightMap(-(x_m**2 + y_m**2) / (2 * 4e-3), (2e-6, 2e-6))
+    given = ("material.hardness_Pa=5e7", "contact.preload_N=0.02", "answer.slip_force_N=0.0004")
+    chosen, forced = (
+        analyze(sphere, load_settings(overrides=(*given, f"contact.model={model}")))
+        for model in ("auto", "boundary_elements")
+    )
+    assert chosen.contact.model == forced.contact.model
+    known, said = (
+        {(one.severity, one.message, one.effect) for one in found.problems if one.code == SMALL}
+        for found in (chosen, forced)
+    )
+    assert said == known
+    left = forced.contact.errors.energy_at(0.1)
+    assert left > 1.0
+    (asked,) = (one for one in said if one[1].startswith("asked for is 10 %"))
+    assert off_by(left) in asked[1]
+    assert asked[2].energy == pytest.approx(share_of(left))

@@ -19,6 +19,7 @@ from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import (
     as_asked,
+    at_known_error,
     counted_by_patches,
     problems_of,
     problems_of_settings,
@@ -101,6 +102,7 @@ def analyze(
         more = tuple(doubt for doubt in doubts if doubt not in found.problems)
         found = replace(found, contact=contact, problems=(*found.problems, *more))
         found = replace(found, problems=tuple(as_asked(found.problems, found)))
+        found = replace(found, problems=tuple(at_known_error(found.problems, found)))
         if contact.light is not None:
             found = replace(found, problems=counted_by_patches(face, found))
         found = replace(found, problems=tuple(with_what_law_moves(found.problems, found)))

@@ -226,6 +226,24 @@ def with_what_law_moves(problems: Sequence[Problem], found: Analysis) -> list[Pr
     return with_law(list(problems), law, _share_asked(found) or ASKED, tolerance)
 
 
+def at_known_error(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
+    """Return the problems with what the error of the model leaves at the force asked for.
+
+    Of a model that the settings force that is found last: before, no more is known than that the
+    force is below what pixels resolve.
+    """
+    contact, tolerance = found.contact, found.settings.contact.tolerance
+    assert contact is not None
+    asked = found.answer, found.slip, tolerance
+    before = {one.message for one in _of_small_slip(replace(contact, errors=None), *asked)}
+    rest = [one for one in problems if one.code != SMALL or one.message not in before]
+    step = next((one.step for one in problems if one not in rest), None)
+    known = _of_small_slip(replace(contact, problems=tuple(rest)), *asked)
+    if contact.errors is None or not known:
+        return list(problems)
+    return [*_less_note(rest), *(replace(one, step=step) for one in known)]
+
+
 def _share_asked(found: Analysis) -> float:
     """Return the force that is answered over that of gross slip, where there is one."""
     if found.answer is None or found.slip is None:
