@@ -209,6 +209,12 @@ def test_from_where_the_energy_is_as_good_as_asked(tmp_path):
     text = (tmp_path / "jenkins.csv").read_text()
     assert f"within 0.05 (relative) at amplitudes of u from\n# {good_m:.6g} m to gross slip" in text
     assert f"and within {elements.energy_error:.2g} from\n# {0.01 * D:.6g} m to gross" in text
+    # An error that reads as the one asked for is told once, from the smallest displacement on
+    write_jenkins(elements, tmp_path / "same.csv", 0.9999 * elements.energy_error)
+    text = (tmp_path / "same.csv").read_text()
+    assert text.count("within") == 1
+    assert f"within {elements.energy_error:.2g} (relative) at amplitudes of u from\n# " in text
+    assert f"from\n# {elements.smallest_displacement_m:.6g} m to gross slip" in text
 
 
 def test_sliders_as_good_as_asked_are_so_from_the_smallest_displacement_on(slip):

@@ -3,7 +3,6 @@
 Each holds an `Export` named `EXPORT` under the file's own name.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from capslip.contact.rung import rung
 from capslip.contact.solvers.unloading import SMALL_SLIP
 from capslip.errors import SettingsError, one_of
 from capslip.problems import Problem
+from capslip.structure.jenkins import read_as
 from capslip.units import percent
 
 if TYPE_CHECKING:
@@ -84,8 +84,7 @@ def inexact(
     tolerance : float
         From which such an error is a warning.
     """
-    # What reads as the same in two digits is no more than was asked for
-    told_as_asked = asked + 0.05 * 10.0 ** math.floor(math.log10(asked))
+    told_as_asked = read_as(asked)
     if max(one.energy_error for one in sliders) < told_as_asked:
         return ()
     shares = [

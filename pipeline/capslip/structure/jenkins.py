@@ -158,6 +158,17 @@ def jenkins(
     return JenkinsElements(stiffness_N_per_m, stiffness_N_per_m * slip_m, *checked)
 
 
+def read_as(asked: float) -> float:
+    """Return the error from which on two digits of it read as more than was asked for.
+
+    Examples
+    --------
+    >>> round(read_as(0.01), 6), round(read_as(0.02), 6)
+    (0.0105, 0.0205)
+    """
+    return asked + 0.05 * 10.0 ** math.floor(math.log10(asked))
+
+
 def write_jenkins(
     elements: JenkinsElements, path: str | Path, tolerance: float = TOLERANCE
 ) -> None:
@@ -179,8 +190,9 @@ def write_jenkins(
     """
     smallest_m, accuracy = elements.smallest_displacement_m, elements.energy_error
     within = f"within {accuracy:.2g} (relative) at amplitudes of u from"
-    if accuracy > tolerance:
-        good_m = elements.good_from_m(tolerance)
+    as_asked = read_as(tolerance)
+    if accuracy >= as_asked:
+        good_m = elements.good_from_m(as_asked)
         within = f"within {tolerance:g} (relative) at amplitudes of u from\n# {good_m:.6g} m to "
         within += f"gross slip and beyond, and within {accuracy:.2g} from"
     head = f"""\
