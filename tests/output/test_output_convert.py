@@ -205,6 +205,16 @@ def test_a_wrong_place_is_one_clear_line(wrong, tmp_path):
     assert "expected the folder that" in line
 
 
+def test_a_result_of_several_scans_is_told_to_have_no_face(tmp_path):
+    (tmp_path / "summary.json").write_text(json.dumps({"scans": [{}, {}]}), "utf-8")
+    for command in (["export", "--to", "stl"], ["inspect", "--screenshot", "picture.png"]):
+        done = CliRunner().invoke(main, [command[0], str(tmp_path), *command[1:]])
+        assert done.exit_code == 2
+        (line,) = done.stderr.strip().splitlines()
+        assert line.startswith(f"error: {tmp_path}: a result without a face")
+        assert line.endswith("of one scan")
+
+
 def test_a_face_without_neighbouring_points_has_no_mesh(result, tmp_path):
     broken = tmp_path / "broken"
     broken.mkdir()

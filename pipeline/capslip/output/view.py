@@ -328,6 +328,11 @@ def result_file(result: str | Path) -> Path:
     path = result / "result.h5" if result.is_dir() else result
     if path.is_file() and path.suffix != ".h5" and path.with_name("result.h5").is_file():
         path = path.with_name("result.h5")  # the report, or the summary
+    if result.is_dir() and not path.is_file() and (result / "summary.json").is_file():
+        raise OutputError(
+            f"{result}: a result without a face, as those of several scans and of families are; "
+            f"{EXPECTED}, of one scan"
+        )
     if not path.is_file():
         raise OutputError(f"{path}: no such file; {EXPECTED}")
     return path
