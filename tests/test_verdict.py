@@ -417,6 +417,17 @@ def test_how_well_a_scan_stands_for_its_joint_is_a_part_of_the_verdict():
     assert part.answer.energy_J == pytest.approx(2.0 * whole.answer.energy_J, rel=1e-9)
 
 
+@pytest.mark.parametrize(("area", "larger"), [((), True), (("joint.area_m2=0.0048",), False)])
+def test_who_gave_the_area_of_the_joint_is_not_told_to_give_it(area, larger):
+    settings = load(
+        JOINT["material"], "contact.model=interacting", "answer.slip_force_N=1e6", *area
+    )
+    found = capslip.analyze(capslip.load_surface(FACE), settings)
+    (beyond,) = (one for one in found.problems if one.code == "beyond_gross_slip")
+    assert beyond.step.startswith("--slip-force ")
+    assert ("--area" in beyond.step) == larger
+
+
 def test_a_number_without_a_unit_is_a_usage_error(tmp_path):
     ran = run(tmp_path, "--amplitude", "0.5")
     assert (ran.exit_code, ran.stdout) == (2, "")

@@ -249,7 +249,9 @@ def _answered(found: R, clock: Clock) -> R:
     assert slip is not None
     beam, damping = damp(slip, settings, clock, _resolved_from(found))
     doubts = problems_of_damping(damping, structure_name(settings), is_given(settings))
-    answer, beyond = answer_to(settings.answer, slip, damping)
+    joint = settings.joint
+    area_given = joint.area_m2 is not None or joint.pressure_map is not None
+    answer, beyond = answer_to(settings.answer, slip, damping, area_given)
     problems = (*found.problems, *doubts, *beyond)
     return replace(found, beam=beam, damping=damping, answer=answer, problems=problems)
 

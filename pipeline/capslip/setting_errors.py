@@ -14,6 +14,7 @@ from typing import Any, TypeVar, get_args
 import msgspec
 
 from capslip.errors import SettingsError, in_short, one_of
+from capslip.units import KNOWN, unit_of
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -198,4 +199,8 @@ def _explain(message: str, tables: dict[str, Any], root: type[msgspec.Struct]) -
         bounds = bounds.replace(f">= {LEAST}", "> 0")
     expected = f"expected {words}{bounds.partition(', got')[0]}"
     expected = one_of(choices, str(value)) if choices else expected
+    unit = unit_of(keys[-1].partition("[")[0])
+    if unit is not None and isinstance(value, str):
+        known, example = KNOWN[unit]
+        expected += f" in {unit}, or one and its unit ({', '.join(known)}), as in {example}"
     return f"{'.'.join(keys)}: got {in_short(repr(value))}; {expected}"

@@ -86,13 +86,19 @@ def as_named(value: Any, name: str) -> Any:
     """
     if isinstance(value, list):
         return [as_named(one, name) for one in value]
-    before, _, unit = name.rpartition("_")
-    if not isinstance(value, str) or unit not in KNOWN or before.endswith("_per"):
+    unit = unit_of(name)
+    if not isinstance(value, str) or unit is None:
         return value
     try:
-        return in_si(value, cast(SiUnit, unit), name)
+        return in_si(value, unit, name)
     except SettingsError:  # of which whoever knows the setting says what is expected
         return value
+
+
+def unit_of(name: str) -> SiUnit | None:
+    """Return the unit in which the name of a setting ends, where a user may write another."""
+    before, _, unit = name.rpartition("_")
+    return cast(SiUnit, unit) if unit in KNOWN and not before.endswith("_per") else None
 
 
 PREFIXES = {-12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}

@@ -113,6 +113,8 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("joint.width_m=0.1", ["did you mean structure.beam.width_m?"]),
         ("preload=5", ["did you mean contact.preload_N or contact.preload_spread?"]),
         ("material.youngs_modulus_Pa=210e9", ["youngs_modulus_Pa", "expected a list, [a, b]"]),
+        ("joint.area_m2=12cm2x", ["joint.area_m2: got '12cm2x'; ", "(m2, cm2, ", "as in 12cm2"]),
+        ("structure.beam.length_m=1km", ["length_m: got '1km'; expected a number in m, or one"]),
         ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
         ("contact.zebra=5", ["unknown setting contact.zebra (known here: model"]),
         ("nonsense", ["nonsense", "table.key=value"]),

@@ -51,7 +51,7 @@ def asked(question: Question, slip: SlipCurve | None) -> tuple[str, float | None
 
 
 def answer_to(
-    question: Question, slip: SlipCurve, damping: Damping
+    question: Question, slip: SlipCurve, damping: Damping, area_given: bool = False
 ) -> tuple[Answer | None, tuple[Problem, ...]]:
     """Return what joint and structure do at what was asked for; by default at 0.25 mu N.
 
@@ -63,6 +63,8 @@ def answer_to(
         Of one joint.
     damping : Damping
         Of the structure; its stiffnesses count.
+    area_given : bool
+        Whether the area of the joint is known: else it may be larger than the scan.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def answer_to(
         )
         less = readable(f"{0.5 * most:.2g} {unit}").replace(" ", "")
         option = quantity.replace("_", "-")
-        step = f"--{option} {less}; or {LARGER}"
+        step = f"--{option} {less}" + ("" if area_given else f"; or {LARGER}")
         return None, (Problem("beyond_gross_slip", "error", message, step=step),)
     if name == "displacement_m":
         delta, T, W = value, float(slip.force_N(value)), float(slip.energy_J(value))
