@@ -171,8 +171,8 @@ def parts_of(face: ElasticFace, pressed: Pressed, group: np.ndarray | None = Non
     at = np.flatnonzero(pressed.pressure_Pa)
     pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
     sunk_m = sunk_for_good_m(face, pressed).reshape(-1)[at]
-    number, beside, to_edge_m = _to_edge(face, at)
-    part = _uphill(number, beside, to_edge_m) if group is None else group.reshape(-1)[at]
+    found, known, to_edge_m = _to_edge(face, at)
+    part = _uphill(found, known, to_edge_m) if group is None else group.reshape(-1)[at]
     n_points, load_Pa = np.bincount(part), np.bincount(part, weights=pressure_Pa)
     widest_m = np.zeros(n_points.size)
     np.maximum.at(widest_m, part, to_edge_m)
@@ -232,28 +232,29 @@ def contacts_of(face: ElasticFace, at: np.ndarray) -> np.ndarray:
 
 
 def _to_edge(face: ElasticFace, at: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return how far points that touch are from the edge, after their numbers as of `_grid`.
+    """Return how far points that touch are from the edge, after what `_found` says of them.
 
     Of points as flat indices. Their distance is that to the next one outside, less half of one.
     """
     from scipy.spatial import cKDTree
 
     width, number, beside = _grid(face, at)
-    edge = np.transpose(np.divmod(np.setdiff1d(beside, number), width)) * face.pixel_size_m
+    found, known = _found(number, beside)
+    outside = np.unique(beside[~known])
+    edge = np.transpose(np.divmod(outside, width)) * face.pixel_size_m
     place_m = np.transpose(np.divmod(number, width)) * face.pixel_size_m
     apart_m, _ = cKDTree(edge).query(place_m)
-    return number, beside, apart_m - 0.5 * min(face.pixel_size_m)
+    return found, known, apart_m - 0.5 * min(face.pixel_size_m)
 
 
-def _uphill(number: np.ndarray, beside: np.ndarray, to_edge_m: np.ndarray) -> np.ndarray:
+def _uphill(found: np.ndarray, known: np.ndarray, to_edge_m: np.ndarray) -> np.ndarray:
     """Return the part of a contact in which each point lies.
 
     The way up along their distance to the edge, from neighbour to neighbour, ends in its middle.
     """
-    found, known = _found(number, beside)
     height = np.argsort(np.argsort(to_edge_m, kind="stable"))  # equal ones in one order
     up = np.where(known, height[found], -1)
-    highest = up.argmax(axis=0), np.arange(number.size)
+    highest = up.argmax(axis=0), np.arange(to_edge_m.size)
     end = np.where(up[highest] > height, found[highest], highest[1])
     while (end[end] != end).any():
         end = end[end]

@@ -121,8 +121,9 @@ def sinks_deeper_m(
     known[contact[before > 0]] = True
     kept = np.where(touching, before, 0)
     contact = np.where(known[contact] | ~touching, kept, contact + before.max())
-    _, number = np.unique(np.append(0, contact), return_inverse=True)
-    contact = number[1:].reshape(contact.shape)
+    present = np.bincount(contact.reshape(-1)) > 0
+    present[0] = True
+    contact = (np.cumsum(present) - 1)[contact]
     nearest, away_m = _nearest(face, contact > 0)
     belongs = contact.reshape(-1)[nearest] - 1
     parts = parts_of(face, pressed, belongs)
