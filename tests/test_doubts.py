@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from capslip import doubts
 from capslip.analysis import analyze, analyze_once
@@ -316,3 +317,21 @@ def test_a_forced_map_says_what_its_error_leaves_at_the_force_that_is_asked_for(
     (asked,) = (one for one in said if one[1].startswith("asked for is 10 %"))
     assert off_by(left) in asked[1]
     assert asked[2].energy == pytest.approx(share_of(left))
+
+
+@pytest.mark.long
+def test_a_forced_map_says_what_the_map_says_that_was_chosen():
+    """A rough one: beside what decides it, the doubt of a model without an error stood as well."""
+    rng = np.random.default_rng(7)
+    waves = gaussian_filter(rng.normal(size=(90, 120)), 3, mode="wrap")
+    height_m = 2e-7 * waves / waves.std() + 1e-8 * rng.normal(size=waves.shape)
+    rough = HeightMap(height_m, (1e-5, 1e-5))
+    given = ("material.hardness_Pa=2e9", "contact.preload_N=2")
+    chosen, forced = (
+        analyze(rough, load_settings(overrides=(*given, f"contact.model={model}")))
+        for model in ("auto", "boundary_elements")
+    )
+    assert chosen.contact.model == forced.contact.model
+    of_choice = {one for one in chosen.problems if one.code == "caps_not_pressed"}
+    assert {one.code for one in chosen.problems if one.severity == "warning"} == {"detail_decides"}
+    assert set(forced.problems) == set(chosen.problems) - of_choice

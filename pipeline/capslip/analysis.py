@@ -17,14 +17,7 @@ from capslip.contact.rung import resolved_share, rung
 from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
-from capslip.doubts import (
-    as_asked,
-    at_known_error,
-    counted_by_patches,
-    problems_of,
-    problems_of_settings,
-    with_what_law_moves,
-)
+from capslip.doubts import problems_of, problems_of_settings
 from capslip.errors import ContactError, SettingsError, check_call
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
@@ -97,15 +90,6 @@ def analyze(
     check_call("progress", progress)
     clock = Clock(progress)
     face, found = _analyzed(surface, settings, mate, clock)
-    if found.contact is not None and _lacks_error(found.contact, settings):
-        contact, doubts = estimate(face, found.contact, settings, clock)
-        more = tuple(doubt for doubt in doubts if doubt not in found.problems)
-        found = replace(found, contact=contact, problems=(*found.problems, *more))
-        found = replace(found, problems=tuple(as_asked(found.problems, found)))
-        found = replace(found, problems=tuple(at_known_error(found.problems, found)))
-        if contact.light is not None:
-            found = replace(found, problems=counted_by_patches(face, found))
-        found = replace(found, problems=tuple(with_what_law_moves(found.problems, found)))
     found = _with_band(found, clock)
     if not settings.run.sensitivity or not face.caps.usable.any():
         return found
@@ -133,7 +117,7 @@ def analyze_once(surface: HeightMap, settings: Settings, mate: HeightMap | None 
 
     Parameters and errors are those of `analyze`.
     """
-    return _analyzed(surface, checked(settings), mate, Clock())[1]
+    return _analyzed(surface, checked(settings), mate, Clock(), with_error=False)[1]
 
 
 def analyze_families(settings: Settings) -> JointResult:
@@ -352,7 +336,11 @@ def _of_scans(scans: Sequence[Analysis]) -> list[Problem]:
 
 
 def _analyzed(
-    surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
+    surface: HeightMap,
+    settings: Settings,
+    mate: HeightMap | None,
+    clock: Clock,
+    with_error: bool = True,
 ) -> tuple[Face, Analysis]:
     check_map("surface", surface)
     check_map("mate", surface if mate is None else mate)
@@ -379,6 +367,8 @@ def _analyzed(
     try:
         if can_be_pressed(face, settings):
             contact, caps, slip = press_face(face, settings, clock)
+            if with_error and _lacks_error(contact, settings):
+                contact = estimate(face, contact, settings, clock)
             found = replace(found, contact=contact, caps=caps, slip=slip)
             found = _answered(found, clock)
     except ContactError as error:

@@ -75,7 +75,6 @@ FITS = ("conditioning.form_robust", "conditioning.form_floor")  # of a form
 # What messages compare with; of a face that yielded it is what that recovers
 APPROACH, RECOVERY = re.compile(r"\bthe approach(?= is |:)"), "the recovery on unloading"
 SMALL = "small_slip_extrapolated"
-BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 
 
 def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Problem, ...]:
@@ -217,31 +216,10 @@ def _at_share_asked(problems: Sequence[Problem], found: Analysis) -> list[Proble
 
 
 def with_what_law_moves(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
-    """Return the problems, with what the plastic law of a pressed map moves at the force asked for.
-
-    Of a model that the settings force that is found last.
-    """
+    """Return the problems, with what the plastic law moves at the force that is asked for."""
     errors = None if found.contact is None else found.contact.errors
     law, tolerance = None if errors is None else errors.law, found.settings.contact.tolerance
     return with_law(list(problems), law, _share_asked(found) or ASKED, tolerance)
-
-
-def at_known_error(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
-    """Return the problems with what the error of the model leaves at the force asked for.
-
-    Of a model that the settings force that is found last: before, no more is known than that the
-    force is below what pixels resolve.
-    """
-    contact, tolerance = found.contact, found.settings.contact.tolerance
-    assert contact is not None
-    asked = found.answer, found.slip, tolerance
-    before = {one.message for one in _of_small_slip(replace(contact, errors=None), *asked)}
-    rest = [one for one in problems if one.code != SMALL or one.message not in before]
-    step = next((one.step for one in problems if one not in rest), None)
-    known = _of_small_slip(replace(contact, problems=tuple(rest)), *asked)
-    if contact.errors is None or not known:
-        return list(problems)
-    return [*_less_note(rest), *(replace(one, step=step) for one in known)]
 
 
 def _share_asked(found: Analysis) -> float:
@@ -249,22 +227,6 @@ def _share_asked(found: Analysis) -> float:
     if found.answer is None or found.slip is None:
         return ASKED
     return found.answer.slip_force_N / float(found.slip.total_slip_force_N)
-
-
-def counted_by_patches(face: Face, found: Analysis) -> tuple[Problem, ...]:
-    """Return the problems, with those that patches decide as they are with the lightest one known.
-
-    Of a model that the settings force that is found last.
-    """
-    contact, joint = found.contact, face.joint
-    assert contact is not None
-    all_of = [
-        *problems_of_share(joint, contact),
-        *problems_of_waves(joint, contact, face.conditioned.surface),
-    ]
-    anew = [one for one in all_of if one.code in BY_PATCHES]
-    others = [one for one in found.problems if one.code not in BY_PATCHES]
-    return (*others, *with_next_steps(anew, joint, found.settings, pressed=contact.rung))
 
 
 def _naming_recovery(problems: list[Problem], contact: ContactState) -> list[Problem]:

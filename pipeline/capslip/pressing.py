@@ -254,7 +254,7 @@ def _pressed_as(choice: Choice, face: Face, settings: Settings) -> tuple[Contact
     return replace(contact, model_reason=choice.reason, problems=problems), caps
 
 
-def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock) -> WithDoubts:
+def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock) -> ContactState:
     """Return a model that the settings force with its estimated error, and whether it is too great.
 
     It takes far longer than to press the face; the automatic choice has its estimate already.
@@ -265,7 +265,8 @@ def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock
         curve = face.joint.curve_of(patches)
         alone = replace(found, problems=doubts)
         of_joint, _ = _with_errors_of_joint(face, alone, curve, patches, settings)
-    return replace(of_joint, problems=contact.problems), of_joint.problems
+    more = [doubt for doubt in of_joint.problems if doubt not in contact.problems]
+    return replace(of_joint, problems=(*contact.problems, *more))
 
 
 def error_under(
