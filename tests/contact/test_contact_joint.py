@@ -299,6 +299,28 @@ def test_classes_lose_no_more_than_they_say():
     )
 
 
+@pytest.mark.parametrize("decades", [4.0, 6.0, 9.0, 12.0])
+def test_patches_that_bear_next_to_nothing_are_as_stiff_as_they_are(decades):
+    """Where the pressure of a bolt fades: little of the load, a part of the stiffness."""
+    curve = families((5, 18), (23.8, 26.7), (0.0, 2.4e-7), E_STAR_PA)
+    load_N, weight = 500.0 * 10 ** -np.linspace(0.0, decades, 1000), np.linspace(1e-3, 8e-3, 1000)
+    few_N, few = classes_of_pressure(load_N, weight)
+    assert len(few_N) <= 300
+    every, classed = (
+        slip_curve(curve_of_joint(curve, N, w), float(N @ w), MU, KAPPA)
+        for N, w in ((load_N, weight), (few_N, few))
+    )
+    light = load_N < 1e-3 * load_N[0]
+    assert load_N[light] @ weight[light] < 0.01 * every.preload_N
+    assert classed.tangential_stiffness_N_per_m == pytest.approx(
+        every.tangential_stiffness_N_per_m, rel=2e-4
+    )
+    delta_m = np.array([1e-3, 1e-2, 0.1, 0.5]) * every.total_slip_displacement_m
+    for name, accuracy in (("force_N", 1e-3), ("energy_J", 0.01)):
+        expected = getattr(every, name)(delta_m)
+        np.testing.assert_allclose(getattr(classed, name)(delta_m), expected, rtol=accuracy)
+
+
 @pytest.mark.parametrize(
     ("header", "row", "said"),
     [

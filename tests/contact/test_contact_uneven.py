@@ -156,6 +156,15 @@ def test_a_load_that_slips_first_is_not_left_to_heavy_ones():
     assert standing_for(load_N, np.ones(31), 3)[0] == 0.5
 
 
+def test_the_lightest_take_no_solution_from_what_bears_the_load():
+    """Loads over nine decades, of which the lower six bear a thousandth of all."""
+    heavy_N, light_N = np.geomspace(0.1, 100.0, 60), np.geomspace(1e-7, 0.1, 60, endpoint=False)
+    assert light_N.sum() < 2e-3 * heavy_N.sum()
+    found = standing_for(np.append(light_N, heavy_N), np.ones(120), 8)
+    assert np.count_nonzero(found > 0.1) >= 6
+    assert found[0] > 1e-3
+
+
 @pytest.mark.long
 @pytest.mark.usefixtures("fewer_points")
 @pytest.mark.parametrize("yields", [False, True])

@@ -14,6 +14,7 @@ from capslip.errors import ContactError
 
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 LIGHT = 0.05  # of the greatest load: what is lighter counts as much where loads are chosen
+MOST_FOR = 50.0  # times what it bears, at most, that a light one counts there
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
 MAX_STEPS = 60  # of a search: for a withdrawal bisection alone needs no more
 CONVERGED = 1e-14  # of the withdrawal, or of an approach
@@ -59,7 +60,8 @@ def standing_for(load_N: np.ndarray, weight: np.ndarray, count: int) -> np.ndarr
     Each stands for those that are nearest by ratio. The sum of the squares of these logarithms,
     times what each bears, is made small: a load is added where it takes the most off it, and all
     are then moved to the middle of those that they stand for. Light ones count for more than they
-    bear, as they slip first: they decide what is lost at small forces.
+    bear, as they slip first: they decide what is lost at small forces. The lightest, of which there
+    may be decades, count for next to nothing all the same: their contacts have hardly any pixels.
 
     Parameters
     ----------
@@ -80,7 +82,8 @@ def standing_for(load_N: np.ndarray, weight: np.ndarray, count: int) -> np.ndarr
     >>> standing_for(np.array([1.0, 1.1, 1.2, 50.0, 90.0, 99.0, 100.0]), np.ones(7), 3)
     array([  1.1,  50. , 100. ])
     """
-    x, counts = np.log(load_N), np.maximum(load_N, LIGHT * load_N.max()) * weight
+    x, counts = np.log(load_N), np.maximum(load_N, LIGHT * load_N.max())
+    counts = np.minimum(counts, MOST_FOR * load_N) * weight
     apart = np.square(x[:, None] - x)
     chosen = [int(load_N.argmax())]
     while len(chosen) < count:
