@@ -106,6 +106,7 @@ TABLE = [
         ("surface/repeats.py",),
         ("tests/surface/test_*average*.py", "tests/command_line/test_cli_average.py"),
     ),
+    (("surface/placing.py",), ("tests/surface/test_*placing*.py",)),
     (("surface/shifts.py",), ("tests/surface/test_*mating*.py", "tests/surface/test_*average*.py")),
     (("surface/spectrum.py",), ("tests/surface/test_*parameters*.py",)),
     (("surface/readers/*.py",), ("tests/surface/test_*readers*.py",)),

@@ -939,3 +939,21 @@ def test_a_fit_that_is_shallower_than_its_error_is_moved_by_a_bounded_factor():
     found = [one.radius_m for one in _moved(caps, 1e-9, np.array([0.1, 3.0, 1e5]))]
     ratio = np.log(np.array(found) / 2.0)
     np.testing.assert_allclose(np.abs(ratio), np.broadcast_to([0.1, 3.0, 3.0], ratio.shape))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_worn_faces_that_least_squares_lay_aside_are_a_doubt(seed):
+    """W was up to 22 % off under `ok`, with an interval of 1 %, where the true place is known."""
+    common, own = (of_waves(seed, length_m=2.5e-3), of_waves(seed + 100, length_m=1.5e-3))
+    second = replace(own, height_m=0.2 * own.height_m - common.height_m[:, ::-1])
+    words = ("contact.preload_N=20", "contact.model=boundary_elements")
+    true, laid = (
+        analyze_once(common, load_settings(overrides=(*words, f"mating.align={align}")), second)
+        for align in ("given", "least_squares")
+    )
+    assert "mating_not_sure" not in {one.code for one in true.problems}
+    moved = max(moved_energy(laid, true, LARGE), abs(stiffness(true) / stiffness(laid) - 1))
+    (said,) = [one for one in laid.problems if one.code == "mating_not_sure"]
+    assert said.severity == "warning"
+    assert 0.05 < moved < 2.0 * said.effect.greatest

@@ -53,6 +53,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
         unfiltered_as_turned=lambda: None,
         with_short_waves_as_turned=lambda: None,
         with_form_as_turned=lambda: None,
+        elsewhere_as_turned=lambda: (),
         surface=SimpleNamespace(
             height_m=height_m,
             tops=tops,
@@ -92,6 +93,7 @@ def test_what_is_asked_for_begins_at_the_least_share():
         ("long_waves_filtered", None, False),
         ("short_waves_filtered", None, False),
         ("form_taken_off", None, False),
+        ("mating_not_sure", None, False),
     ],
 )
 def test_what_is_no_sign_of_the_face_and_moves_nothing_is_not_noted(code, flatness_m, noted):
@@ -204,6 +206,7 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
         ("short_waves_filtered", "warning", face(), True),
         ("form_taken_off", "warning", face(), True),
         ("form_taken_off", "info", face(), True),
+        ("mating_not_sure", "warning", face(), True),
         ("bow_left", "info", face(), True),
         ("forms_of_scans_differ", "warning", face(), True),
         ("clipped", "warning", face(), True),

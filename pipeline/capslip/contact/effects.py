@@ -15,7 +15,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.rung import Scene
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.contact.solvers.noise import white_noise_m
-from capslip.contact.trials import LEFT_OUT, SMOOTHED, FaceOfCaps, Trials
+from capslip.contact.trials import ELSEWHERE, LEFT_OUT, SMOOTHED, FaceOfCaps, Trials
 from capslip.errors import CapslipError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
@@ -54,10 +54,11 @@ UNKNOWN = {
     FILTERED: "the face with them has no answer",
     SMOOTHED: "the face with them has no answer",
     FORMED: "the caps or the map without it do not tell",
+    ELSEWHERE: "the faces as they may lie as well have no answer",
     BLURRED: "caps with one more blur have no answer",
 }
 # What was chosen or is of the optics, and no sign
-NOT_OF_THE_FACE = FILTERED, SMOOTHED, FORMED, BLURRED
+NOT_OF_THE_FACE = FILTERED, SMOOTHED, FORMED, ELSEWHERE, BLURRED
 LEAST_MOVED = 1e-3  # less is not noted of what is no sign of the face itself
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
@@ -143,7 +144,8 @@ def with_effects(
     before = conditioned.unfiltered_as_turned(), conditioned.with_form_as_turned()
     others = conditioned.seams, conditioned.finer_as_turned(), *before
     rough = conditioned.with_short_waves_as_turned()
-    face = FaceOfCaps(conditioned.surface, settings, *others, with_short_waves=rough)
+    aside = conditioned.elsewhere_as_turned()
+    face = FaceOfCaps(conditioned.surface, settings, *others, aside, with_short_waves=rough)
     tolerance = settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
     filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
@@ -322,6 +324,7 @@ OF_FEWER_POINTS = {
     "seams": _seams_or_not,
     FILTERED: _filtered_or_not,
     FORMED: _formed_or_not,
+    ELSEWHERE: lambda face, thinned: tuple(map(thinned, (face.surface, *face.elsewhere))),
 }
 OF_THE_MAP = {
     "interpolated": _interpolated_or_not,

@@ -33,7 +33,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes
 from capslip.surface.seams import Seams, levels_m, tilts_m
 
-SMOOTHED = "short_waves_filtered"
+SMOOTHED, ELSEWHERE = "short_waves_filtered", "mating_not_sure"
 OF_OTHER_MAPS = ("long_waves_filtered", "form_taken_off", BLURRED, SMOOTHED)
 LEFT_OUT = {"load_on_doubtful_caps": DOUBTFUL}  # flags of caps that may carry nothing, or less
 MOST_CAPS = 500  # more take longer than the face itself
@@ -55,7 +55,7 @@ class FaceOfCaps:
     finer: HeightMap | None = None  # the same map on more points, see `Conditioned`
     unfiltered: HeightMap | None = None  # the same with its long waves, see there
     with_form: HeightMap | None = None  # the same with its form
-
+    elsewhere: tuple[HeightMap, ...] = ()  # the sum with another face that lies a little aside
     with_short_waves: HeightMap | None = None
 
     def other(self, code: str) -> HeightMap | None:
@@ -170,6 +170,8 @@ class Trials:
             yield from self._in_one_field()
         elif code in OF_OTHER_MAPS:
             yield self._on(self.face.other(code))
+        elif code == ELSEWHERE:
+            yield from map(self._on, self.face.elsewhere)
         elif code in ("interpolated", "points_filled", "resampled_coarser", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":

@@ -63,6 +63,9 @@ class Conditioned:
         What was taken off beside a plane; None of two faces.
     with_forms : HeightMap, or None
         The sum of two faces with their forms; without the planes that were added since.
+    elsewhere : tuple of HeightMap
+        The sum of two faces where least squares may have laid the second as well; without the
+        planes that were added since.
     measured_shape : (int, int), or None
         (ny, nx) before it was resampled; None where nobody knows.
     """
@@ -82,6 +85,7 @@ class Conditioned:
     with_short_waves: HeightMap | None = None
     form: TakenForm | None = None
     with_forms: HeightMap | None = None
+    elsewhere: tuple[HeightMap, ...] = ()
     measured_shape: tuple[int, int] | None = None
 
     @cached_property
@@ -147,6 +151,10 @@ class Conditioned:
         if self.form is not None:
             return self.form.put_back(self.surface)
         return self._as_turned(self.with_forms)
+
+    def elsewhere_as_turned(self) -> tuple[HeightMap, ...]:
+        """Return `elsewhere` as the surface lies, but for constants, and with its voids."""
+        return tuple(one for one in map(self._as_turned, self.elsewhere) if one is not None)
 
     def _as_turned(self, other: HeightMap | None) -> HeightMap | None:
         if other is None:

@@ -8,13 +8,14 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
-from capslip.surface.doubts import problems_of_mating
+from capslip.surface.doubts import LEAST_MATCH, problems_of_mating
 from capslip.surface.filling import joined_filling
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.laying import between_points, on_more_points, smooth_between, straight_between
 from capslip.surface.noise import FINER, noise_laid
+from capslip.surface.placing import Move, moves_within_error, problems_of_place
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import joined_rounding
 from capslip.surface.shifts import best_shifts, match_by_shift, tells_apart
@@ -64,6 +65,7 @@ class Placement:
     second_middle_m: tuple[float, float]
     correlation: float | None = None
     other: "Placement | None" = None  # another place, where the faces match as well
+    moves: tuple[Move, ...] = ()  # by which the place that was found may be off, each for itself
 
     def on_first(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where points of the second face lie in the frame of the first."""
@@ -117,14 +119,9 @@ def place(
             f"mating: got offset_m {offset_m}, rotation_rad {rotation_rad}; expected two lengths "
             "(dy, dx) and an angle"
         )
-    (side_y, side_x), (second_y, second_x) = first.side_m, second.side_m
-    given = Placement(
-        mirror,
-        (float(offset_m[0]), float(offset_m[1])),
-        float(rotation_rad),
-        (0.5 * side_y, 0.5 * side_x),
-        (0.5 * second_y, 0.5 * second_x),
-    )
+    shift_m = float(offset_m[0]), float(offset_m[1])
+    middle_m, second_m = ((0.5 * y_m, 0.5 * x_m) for y_m, x_m in (first.side_m, second.side_m))
+    given = Placement(mirror, shift_m, float(rotation_rad), middle_m, second_m)
     if align == "given":
         return given
     fine_m = max(first.side_m) / FINE_POINTS
@@ -133,7 +130,11 @@ def place(
     # Of grooves a turn that is a little off hides where along them the faces match
     again = replace(given, rotation_rad=found[0].rotation_rad)
     starts = _coarse(first, second, again, 0.0, MOST_STARTS)
-    return _best(*fine, found + [_refined(*fine, start) for start in starts])
+    best = _best(*fine, found + [_refined(*fine, start) for start in starts])
+    if best.other is not None or (best.correlation or 0.0) < LEAST_MATCH:
+        return best  # it is one of many
+    about_m = best.middle_m[0] + best.offset_m[0], best.middle_m[1] + best.offset_m[1]
+    return replace(best, moves=moves_within_error(fine[0], _laid(*fine, best), about_m))
 
 
 def composite_surface(
@@ -301,7 +302,10 @@ def mate(
         "sq_of_faces_m": [first.sq_m, second.sq_m],
     }
     tops = (*first.tops_of_scans, *second.tops_of_scans)
-    steps, doubts = (*first.steps, step), problems_of_mating(surface, placement, second.surface)
+    steps, doubts = (
+        (*first.steps, step),
+        problems_of_mating(surface, placement, second.surface),
+    )
     if way == "together":
         face = replace(
             first.surface,
@@ -329,8 +333,10 @@ def mate(
         for problem in face.problems
     ]
     second_m = surface.height_m - on_same.height_m
-    found = surface, *sq_and_sz_m(surface), steps, (*problems, *doubts)
+    problems += [*doubts, *problems_of_place(placement.moves)]
+    found = surface, *sq_and_sz_m(surface), steps, tuple(problems)
     others: dict[str, Any] = {}
+    fit: dict[str, Any] = {"robust": robust, "floor": floor}
     for name, where, whole in (
         ("finer", "finer", "finest"),
         ("unfiltered", "unfiltered", "whole"),
@@ -339,14 +345,21 @@ def mate(
     ):
         if any(getattr(one, where) is not None for one in (first, second)):
             both = getattr(first, whole), getattr(second, whole), placement
-            others[name] = composite_surface(*both, robust=robust, floor=floor)
+            others[name] = composite_surface(*both, **fit)
+    places = (_moved(placement, *one) for one in placement.moves)
     return Conditioned(
         *found,
         second_m=second_m,
+        elsewhere=tuple(_sum(on_same, second.surface, one, **fit) for one in places),
         tops_of_scans=tops,
         **others,
         measured_shape=first.measured_shape,
     )
+
+
+def _moved(placement: Placement, dy_m: float, dx_m: float, turn_rad: float) -> Placement:
+    offset_m = placement.offset_m[0] + dy_m, placement.offset_m[1] + dx_m
+    return replace(placement, offset_m=offset_m, rotation_rad=placement.rotation_rad + turn_rad)
 
 
 def _turn(placement: Placement) -> np.ndarray:
@@ -455,9 +468,7 @@ def _refined(first: HeightMap, second: HeightMap, start: Placement) -> Placement
     unit = np.array([pixel_m, pixel_m, pixel_m / (0.5 * math.hypot(*first.side_m))])
 
     def moved(step: np.ndarray) -> Placement:
-        dy_m, dx_m, turn_rad = step * unit
-        offset_m = start.offset_m[0] + float(dy_m), start.offset_m[1] + float(dx_m)
-        return replace(start, offset_m=offset_m, rotation_rad=start.rotation_rad + float(turn_rad))
+        return _moved(start, *(step * unit).tolist())
 
     def laid_m(step: np.ndarray) -> np.ndarray:
         return _laid(first, second, moved(step)).reshape(-1)
