@@ -316,23 +316,14 @@ def mate(
             form_error_m=surface.form_error_m,
         )
         told = (*first.problems, *doubts)
-        return replace(
-            first,
-            surface=face,
-            steps=steps,
-            problems=told,
-            tops_of_scans=tops,
-            finer=None,
-            unfiltered=None,
-            with_short_waves=None,
-            form=None,
-        )
+        known: dict[str, Any] = dict.fromkeys(("finer", "unfiltered", "with_short_waves", "form"))
+        known |= {"steps": steps, "problems": told, "tops_of_scans": tops}
+        return replace(first, surface=face, **known)
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
         for face in (first, second)
         for problem in face.problems
     ]
-    second_m = surface.height_m - on_same.height_m
     problems += [*doubts, *problems_of_place(placement.moves)]
     found = surface, *sq_and_sz_m(surface), steps, tuple(problems)
     others: dict[str, Any] = {}
@@ -349,7 +340,7 @@ def mate(
     places = (_moved(placement, *one) for one in placement.moves)
     return Conditioned(
         *found,
-        second_m=second_m,
+        second_m=surface.height_m - on_same.height_m,
         elsewhere=tuple(_sum(on_same, second.surface, one, **fit) for one in places),
         tops_of_scans=tops,
         **others,
