@@ -10,7 +10,7 @@ from capslip.contact.choice import contact_failed
 from capslip.contact.curve import NormalCurve
 from capslip.contact.doubts import material_doubts, problems_of_pressure
 from capslip.contact.given import given_families, press_families
-from capslip.contact.joint import Joint
+from capslip.contact.joint import Joint, has_area
 from capslip.contact.map_doubts import BLURRED
 from capslip.contact.press import ContactState
 from capslip.contact.rung import resolved_share, rung
@@ -233,9 +233,7 @@ def _answered(found: R, clock: Clock) -> R:
     assert slip is not None
     beam, damping = damp(slip, settings, clock, _resolved_from(found))
     doubts = problems_of_damping(damping, structure_name(settings), is_given(settings))
-    joint = settings.joint
-    area_given = joint.area_m2 is not None or joint.pressure_map is not None
-    answer, beyond = answer_to(settings.answer, slip, damping, area_given)
+    answer, beyond = answer_to(settings.answer, slip, damping, has_area(settings))
     problems = (*found.problems, *doubts, *beyond)
     return replace(found, beam=beam, damping=damping, answer=answer, problems=problems)
 
@@ -288,7 +286,7 @@ def check_scans(surfaces: Sequence[object], settings: Settings) -> None:
     """
     if len(surfaces) < 2:
         raise SettingsError(f"scans: got {len(surfaces)}; expected two scans of one joint, or more")
-    if settings.joint.area_m2 is None and settings.joint.pressure_map is None:
+    if not has_area(settings):
         raise SettingsError(
             f"joint.area_m2: got {len(surfaces)} scans of one joint, and not how large that is; "
             "expected joint.area_m2 (--area) or joint.pressure_map; capslip batch analyses each "

@@ -136,7 +136,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     caps = face.caps.with_columns(flags=doubtful.flags, contact_radius_m=doubtful.contact_radius_m)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
     problems = _naming_recovery(problems, contact)
-    problems = with_what_law_moves(_less_voids(problems, face, settings), found)
+    problems = _with_what_law_moves(_less_voids(problems, face, settings), found)
     problems = with_effects(problems, *pressed, contact, _share_asked(found))
     return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
 
@@ -215,7 +215,7 @@ def _at_share_asked(problems: Sequence[Problem], found: Analysis) -> list[Proble
     return [*others[:place], *at_share, *others[place:]]
 
 
-def with_what_law_moves(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
+def _with_what_law_moves(problems: Sequence[Problem], found: Analysis) -> list[Problem]:
     """Return the problems, with what the plastic law moves at the force that is asked for."""
     errors = None if found.contact is None else found.contact.errors
     law, tolerance = None if errors is None else errors.law, found.settings.contact.tolerance

@@ -253,6 +253,11 @@ def is_loaded(settings: Settings) -> bool:
     return settings.families.approach_m is not None or settings.is_given("contact.preload_N")
 
 
+def has_area(settings: Settings) -> bool:
+    """Tell whether somebody gave the area of the joint; else it is that of the scan."""
+    return settings.joint.area_m2 is not None or settings.joint.pressure_map is not None
+
+
 def _check_pressure(pressure_Pa: float, settings: Settings) -> None:
     """Refuse a mean pressure on the scan that no solid of such a modulus can be under."""
     material = settings.material

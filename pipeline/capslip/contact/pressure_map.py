@@ -104,8 +104,8 @@ def classes_of_pressure(
 
     The pressures are cut into cells 6 % wide, below a thousandth of the greatest into such as are
     twice as high as low; each cell becomes two classes that keep its area, its load and the spread
-    of its pressures, inside the cell. Patches of few different
-    pressures become one class each, and nothing is lost.
+    of its pressures, inside the cell. Patches of few different pressures become one class each, and
+    nothing is lost.
 
     Parameters
     ----------

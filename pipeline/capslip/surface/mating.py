@@ -302,10 +302,8 @@ def mate(
         "sq_of_faces_m": [first.sq_m, second.sq_m],
     }
     tops = (*first.tops_of_scans, *second.tops_of_scans)
-    steps, doubts = (
-        (*first.steps, step),
-        problems_of_mating(surface, placement, second.surface),
-    )
+    steps = (*first.steps, step)
+    doubts = problems_of_mating(surface, placement, second.surface)
     if way == "together":
         face = replace(
             first.surface,
