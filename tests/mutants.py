@@ -159,7 +159,7 @@ TABLE = [
         ),
     ),
     (
-        ("contact/models/boundary_elements.py", "contact/map_curve.py"),
+        ("contact/models/boundary_elements.py", "contact/map_curve.py", "contact/at_holes.py"),
         (
             *("tests/contact/test_*nearby*.py", "tests/contact/test_*time_limit*.py"),
             *("tests/contact/test_*at_holes*.py", "tests/contact/test_*boundary_elements*.py"),
@@ -193,8 +193,14 @@ TABLE = [
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
     (("contact/solvers/sinking.py",), ("tests/contact/test_*sinking*.py",)),
     (
-        ("contact/solvers/metal.py", "contact/solvers/withdrawn.py", "contact/plastic_law.py"),
-        ("tests/contact/test_*plastic_law*.py", "tests/contact/test_*yielding_map*.py"),
+        (
+            *("contact/solvers/metal.py", "contact/solvers/withdrawn.py"),
+            *("contact/plastic_law.py", "contact/as_metal.py"),
+        ),
+        (
+            *("tests/contact/test_*plastic_law*.py", "tests/contact/test_*yielding_map*.py"),
+            "tests/contact/test_*as_metal*.py",
+        ),
     ),
     (
         ("contact/solvers/refinement.py",),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from capslip.contact.map_curve import load_at_holes
+from capslip.contact.at_holes import load_at_holes
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.solvers.pressed import Pressed
 from capslip.surface.heightmap import HeightMap

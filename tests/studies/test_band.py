@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from capslip.contact.plastic_law import LawError
 from capslip.studies.band import study
 from capslip.studies.band.study import NUMBERS, Held, held, table_of_coverage
 
@@ -27,14 +26,6 @@ def test_nine_of_ten_intervals_hold_the_truth(monkeypatch):
     error = np.sqrt(np.mean(np.square([one.error for one in found]), axis=0))
     half = 0.5 * np.mean([one.width for one in found], axis=0)
     assert (half < 3.0 * error).all()  # 1.645 of a normal error: nor are they wide for safety
-
-
-def test_the_truth_of_a_map_that_yields_is_what_it_expects_of_finite_elements():
-    """Stiffer contacts, which lose less: K, W, and W / (2 pi U) as W times K."""
-    law = LawError(0.1, (-0.02,) * 4, (-0.3,) * 4, (0.3,) * 4, "so it is")
-    factors = study._by_law(law)
-    assert np.log(factors) == pytest.approx([0.12, -0.4, -0.28])
-    assert (study._by_law(None) == 1.0).all()
 
 
 def test_the_table_counts_in_per_cent():

@@ -18,7 +18,7 @@ from capslip.contact.map_doubts import (
     of_resolution,
     unresolved,
 )
-from capslip.contact.plastic_law import LawError, law_of_map, of_contact
+from capslip.contact.plastic_law import LawError, of_contact
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import (
     FORCE_SHARES,
@@ -99,7 +99,7 @@ class _Causes:
         near = min(share, FORCE_SHARES[-1])
         of_pixels = _of_pixels(self.unloading, share)
         if self.coarser:
-            if self.law is not None and share >= ASKED:
+            if self.law is not None and share >= SMALL_SLIP:
                 of_pixels = min(of_pixels, MOST_OF_RINGS)
             of_pixels = max(of_pixels, self.coarser.get(near, 0.0))
         if self.given is not None:
@@ -176,9 +176,9 @@ def error_of_map(
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
     What is left between the solved loads, what pixels and noise leave, what the finest detail of
-    the map decides, and the law by which it yields, see `law_of_map`. Of the energy all but that
-    fall with the force: they are no more than noted where they are beyond the tolerance below a
-    quarter of mu N alone.
+    the map decides, and what is open of the law by which it yields, see `law_of_map`. Of the energy
+    all but that fall with the force: they are no more than noted where they are beyond the
+    tolerance below a quarter of mu N alone.
 
     Parameters
     ----------
@@ -197,7 +197,10 @@ def error_of_map(
         Lateral period limit of the instrument. Where it is not known, what the blur of the optics
         has moved is in no error.
     """
-    unloading, pressed = curve.unloading(load_N), curve.pressed(load_N)
+    law, unknown_to_N = curve.law(load_N), curve.unloading(load_N).unknown_to_N
+    curve = replace(curve, as_solved=True)  # as what it is compared with
+    unloading = replace(curve.unloading(load_N), unknown_to_N=unknown_to_N)
+    pressed = curve.pressed(load_N)
     first = curve.loaded_first_to(load_N)
     taken = first.face.taken
     found = [] if taken is None else [_noise_taken(taken)]
@@ -205,7 +208,6 @@ def error_of_map(
     more = more_time(first.face.depth_m.shape, curve.solutions.time_limit_s)
     if between > tolerance or _unknown_to(unloading) > SMALL_SLIP:
         found.append(_between_loads(unloading, more))
-    law = law_of_map(curve, load_N)
     least = max(between, LEAST_ERROR if law is None else METAL_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
     counted_m = _counted_m(white_m, first.approach_m)

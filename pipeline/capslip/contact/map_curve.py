@@ -2,15 +2,18 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import thread_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.as_metal import as_metal
+from capslip.contact.at_holes import load_at_holes
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import NormalCurve
+from capslip.contact.plastic_law import LawError, law_of_map
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.nearby import Nearby, nearby
@@ -21,8 +24,6 @@ from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.contact.time_needed import more_time
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
-from capslip.surface.holes import HIDDEN
-from capslip.surface.outline import between
 from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
@@ -47,6 +48,11 @@ class BoundaryElementCurve:
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y added to the map, and held
     yielded_area_m2: float | None = None  # of the contact on the first loading; None: all elastic
     first: FirstLoading | None = None  # of a map that is pressed under one preload
+    as_solved: bool = False  # whether it unloads as its pixels do, whatever metal does
+    # What metal does otherwise after a first loading, by its load and the spring in series
+    metal: dict[tuple[float, float], tuple[LawError, Unloading] | None] = field(
+        default_factory=dict, repr=False
+    )
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -74,7 +80,7 @@ class BoundaryElementCurve:
         """Return this curve, whose slip is followed at these shares of mu N alone, growing."""
         solutions, known = self.solutions, dict(self.solutions.approach_m)
         some = replace(solutions, force_shares=shares, unloading={}, approach_m=known)
-        return replace(self, solutions=some)
+        return replace(self, solutions=some, metal={})
 
     def loaded_first_to(self, load_N: float) -> FirstLoading:
         """Return the face before any load, and how far it came when it bore this one.
@@ -89,7 +95,32 @@ class BoundaryElementCurve:
 
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""
-        return self.solutions.unload(float(load_N))
+        of_metal = self._of_metal(float(load_N))
+        return self.solutions.unload(float(load_N)) if of_metal is None else of_metal[1]
+
+    def law(self, load_N: float) -> LawError | None:
+        """Return what metal does otherwise after a first loading, which is in all answers."""
+        of_metal = self._of_metal(float(load_N))
+        return None if of_metal is None else of_metal[0]
+
+    def _of_metal(self, load_N: float) -> tuple[LawError, Unloading] | None:
+        """Return that, and how it unloads with it; None where it has not yielded, or not slipped.
+
+        A load below that of the first loading is another state of the face that this has left.
+        """
+        pressed = self.solutions.pressed.get(load_N)
+        if self.as_solved or pressed is None or pressed.over_hardness is None:
+            return None
+        key = load_N, self.compliance_m_per_N
+        if key not in self.metal:
+            solved, found = replace(self, as_solved=True), None
+            try:
+                if (law := law_of_map(solved, load_N)) is not None:
+                    found = law, as_metal(solved.unloading(load_N), law, key[1])
+            except ContactError:  # slip says why
+                pass
+            self.metal[key] = found
+        return self.metal[key]
 
     def near(
         self, load_N: float, changes: Sequence[tuple[float, float]], share: float
@@ -118,13 +149,14 @@ class BoundaryElementCurve:
         ContactError
             If a solution fails, or the spring in series leaves nothing of a withdrawal.
         """
-        unloading = self.unloading(load_N)
+        solved = replace(self, as_solved=True)  # as what is solved anew
+        unloading = solved.unloading(load_N)
         share = min(max(share, SMALL_SLIP, unloading.smallest_drop_N / load_N), NEARLY_ALL)
         known = [of_load <= 1.0 and self._hardly_yields(load_N, H) for of_load, H in changes]
-        solved = [one for one, below in zip(changes, known, strict=True) if not below]
-        anew = iter(self._anew(load_N, solved, share) if solved else ())
+        others = [one for one, below in zip(changes, known, strict=True) if not below]
+        anew = iter(solved._anew(load_N, others, share) if others else ())
         ratios = [
-            self._ratios_below(load_N, of_load, share) if below else next(anew)
+            solved._ratios_below(load_N, of_load, share) if below else next(anew)
             for (of_load, _), below in zip(changes, known, strict=True)
         ]
         return [
@@ -392,6 +424,8 @@ class BoundaryElementCurve:
 
     def _stiffness_at(self, load_N: float) -> float:
         """Return the stiffness of the face alone."""
+        if (of_metal := self._of_metal(load_N)) is not None:
+            return of_metal[1].stiffness_N_per_m
         if load_N in self.solutions.unloading:
             return self.solutions.unloading[load_N].stiffness_N_per_m
         pressed = self.pressed(load_N)
@@ -451,50 +485,3 @@ def _single(approach_m: ArrayLike) -> float:
             "contact regions differ from approach to approach"
         )
     return float(np.asarray(approach_m))
-
-
-def load_at_holes(pressed: Pressed, measured: np.ndarray) -> float:
-    """Return the share of the load on contacts of which a part lies in a hole of the map.
-
-    Such a part is farther from all measured points than a quarter of the radius of the contact, and
-    at most half of that beside the contact.
-
-    Parameters
-    ----------
-    pressed : Pressed
-    measured : bool, shape (ny, nx)
-
-    Examples
-    --------
-    The units of load and pixels do not matter; the second of two contacts goes on in a hole.
-
-    >>> pressure_Pa = np.zeros((9, 30))
-    >>> pressure_Pa[2:7, [2, 3, 4, 5, 6, 17, 18, 19, 20]] = 1.0
-    >>> measured = np.ones((9, 30), dtype=bool)
-    >>> measured[1:8, 21:28] = False
-    >>> pressed = Pressed(45.0, 1.0, pressure_Pa, 0 * pressure_Pa, (1.0, 1.0), None)
-    >>> round(load_at_holes(pressed, measured), 3)
-    0.444
-    """
-    from scipy.ndimage import binary_dilation, distance_transform_edt, find_objects
-
-    hole = between(measured)
-    if not hole.any():
-        return 0.0
-    region, size_m, share = pressed.region, pressed.pixel_size_m, 0.0
-    load_N, boxes = pressed.region_loads_N, find_objects(region)
-    for k in np.unique(region[binary_dilation(hole, np.ones((3, 3)))]):
-        if k == 0:
-            continue
-        radius_m = math.sqrt(pressed.region_pixels[k - 1] * math.prod(size_m) / math.pi)
-        beside = [1 + math.ceil(radius_m / one_m) for one_m in size_m]
-        at = tuple(
-            slice(max(0, box.start - n), box.stop + n)
-            for box, n in zip(boxes[k - 1], beside, strict=True)
-        )
-        unknown_m = distance_transform_edt(~measured[at], sampling=size_m)
-        away_m = distance_transform_edt(region[at] != k, sampling=size_m)
-        part_m = unknown_m[hole[at] & (away_m <= 0.5 * radius_m + max(size_m))]
-        if part_m.max(initial=0.0) > max(HIDDEN * radius_m, *size_m):
-            share += float(load_N[k - 1])
-    return share / float(load_N.sum())

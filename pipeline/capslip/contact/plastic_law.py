@@ -2,17 +2,19 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from capslip.contact.bulk import bulk_of_face_m_per_N, share_of_contact
-from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.solvers.metal import OVER_HARDNESS
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.withdrawn import withdrawn_together
-from capslip.problems import Effect, Problem, Severity
+from capslip.problems import Problem
 from capslip.units import percent
+
+if TYPE_CHECKING:
+    from capslip.contact.map_curve import BoundaryElementCurve
 
 # By the greatest pressure p0 that a contact would have if it were elastic, over the hardness, one
 # well resolved sphere: its stiffness as a map whose pressures end at the hardness, over that of
@@ -43,12 +45,13 @@ MOST_BLUNT = 1.5  # how blunt one counts for at most there, or how pointed
 RIM_AT, RIM = (0.65, 0.8, 1.0, 1.1, 1.2), (0.0, 0.3, 0.54, 0.5, 0.0)
 RIM_SHARES, RIM_95 = (0.0, 0.0, 0.6, 1.0), 0.5
 _MOST_TOGETHER = 200  # contacts that are withdrawn together
+# Of mu N, at which contacts of metal tell how the energy falls where pixels let go of nothing
+SMALL_SHARES = (1e-3, 3e-3, 0.01, 0.02, 0.04, 0.07, 0.1, 0.14, 0.19, 0.25)
 # Of the radius of a cap that has yielded: finite elements of others have 2 % more or less, those of
 # `docs/theory.md` up to 1.8 % more
 RADIUS_95 = 0.03
 YIELDED_AT = (0.6, 1.0)  # p0 / H, between which that comes in
 WIDER = "metal yields below its surface before its pressure is the hardness, and touches more"
-FLATTER = "caps unload as elastic contacts do, and metal that yielded less evenly"
 
 
 @dataclass(frozen=True)
@@ -62,10 +65,16 @@ class LawError:
     displacement: tuple[float, ...]  # beyond that, at each of `shares`
     energy: tuple[float, ...]  # at the same stiffness, at each of `shares`
     left_open: tuple[float, ...]  # of the energy, on either side at 95 %
-    because: str  # in plain words
     # Of displacement and energy, on either side at 95 %, by how wide what yielded is
     of_radius: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,) * len(SHARES),) * 2
+    small_slip: tuple[float, ...] = ()  # logarithms of the energy at `SMALL_SHARES`, of any unit
     shares: ClassVar[tuple[float, ...]] = SHARES  # of mu N
+
+    def small_energy(self, share: np.ndarray) -> np.ndarray:
+        """Return the energies at small shares of mu N, of any unit, with a cube below the least."""
+        within = np.log(np.maximum(share, SMALL_SHARES[0]))
+        log = np.interp(within, np.log(SMALL_SHARES), self.small_slip)
+        return np.asarray(np.exp(log) * np.minimum(share / SMALL_SHARES[0], 1.0) ** 3)
 
     def shift(self, share: float) -> tuple[float, float]:
         """Return by how much displacement and energy are expected to be greater, at a force.
@@ -96,7 +105,7 @@ class LawError:
         return float(np.interp(math.log(share), np.log(SHARES), values))
 
 
-def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
+def law_of_map(curve: "BoundaryElementCurve", load_N: float) -> LawError | None:
     """Return what the plastic law of a map leaves open under its first load; None: nothing.
 
     The map clips pressures at the hardness. Finite elements of spheres yield below their surface
@@ -127,14 +136,16 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
     stiffness = share * math.log(of_metal_m.sum() / radius_m.sum())
     heavy = np.sort(np.argsort(-each_N, kind="stable")[:_MOST_TOGETHER])
     pair_per_m = _pairs_per_m(pressed, heavy) if heavy.size > 1 else None
-    (was, lost), (moves, loses) = (
-        withdrawn_together(each[heavy], each_N[heavy], one[heavy], SHARES, pair_per_m)
-        for one in (radius_m, of_metal_m)
-    )
+    contacts = each[heavy], each_N[heavy]
+    was, lost = withdrawn_together(*contacts, radius_m[heavy], SHARES, pair_per_m)
+    all_shares = (*SHARES, *SMALL_SHARES)
+    of_metal = withdrawn_together(*contacts, of_metal_m[heavy], all_shares, pair_per_m)
+    (moves, loses), (_, small) = np.split(np.array(of_metal), [len(SHARES)], axis=1)
     displacement, energy = share * np.log(moves / was), np.log(loses / lost)
     of_spheres = _energies(over, pressed.pressure_Pa)
     of_form = _energies(_as_it_unloads(over, blunt), pressed.pressure_Pa) - of_spheres
     of_rim = np.array(RIM_SHARES) * _of_rim(over, blunt, pressed.pressure_Pa)
+    small = np.log(small) + np.interp(np.log(SMALL_SHARES), np.log(SHARES), of_form + of_rim)
     sure = np.interp(each, HARD_AT, (0.0, HARD_95)) @ each_N / each_N.sum()
     return LawError(
         stiffness,
@@ -143,8 +154,8 @@ def law_of_map(curve: BoundaryElementCurve, load_N: float) -> LawError | None:
         _each(
             np.linalg.norm((UNLOADING_95 * of_spheres, FORM_95 * of_form, RIM_95 * of_rim), axis=0)
         ),
-        WIDER,
         (_each(np.hypot(AREA_95 * displacement, sure)), _each(np.hypot(AREA_95 * energy, sure))),
+        _each(small),
     )
 
 
@@ -233,7 +244,6 @@ def law_of_caps(
         _each(displacement),
         _each(energy - of_hertz),
         _each(np.abs(UNLOADING_95 * (energy - of_hertz))),
-        FLATTER,
         (_each(displacement - wider), _each(energy - energy_wider)),
     )
 
@@ -242,7 +252,7 @@ def _each(values: np.ndarray) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
-def of_contact(curve: BoundaryElementCurve, load_N: float) -> float:
+def of_contact(curve: "BoundaryElementCurve", load_N: float) -> float:
     """Return the share of the contacts in the compliance of a map, see `share_of_contact`."""
     face, pressed = curve.solutions.face, curve.pressed(load_N)
     kept_m_per_N = bulk_of_face_m_per_N(face, face.E_star_Pa) + curve.compliance_m_per_N
@@ -254,39 +264,33 @@ def of_contact(curve: BoundaryElementCurve, load_N: float) -> float:
 def with_law(
     problems: list[Problem], law: LawError | None, share: float, tolerance: float
 ) -> list[Problem]:
-    """Return the problems, with what the plastic law moves in `yielded`.
-
-    A warning by what is expected otherwise, of stiffness or energy, beyond the tolerance.
+    """Return the problems, with what the plastic law has moved of a map in `yielded`.
 
     Parameters
     ----------
     problems : list of Problem
     law : LawError or None
-        None: the model in use says by itself what it leaves.
+        What the answers hold of it; None: nothing.
     share : float
         Of mu N, that is asked for.
     tolerance : float
-        Beyond which that is a warning.
+        Beyond which that is noted where the map itself has not yielded.
     """
     if law is None:
         return problems
     stiffness, energy = law.errors(share)
-    severity: Severity = "warning" if max(stiffness, energy) > tolerance else "info"
     of_law = (
-        f"{law.because}: by finite elements of spheres that moves the stiffness by "
+        f"{WIDER}: by finite elements of spheres that moves the stiffness by "
         f"{percent(stiffness)} and the energy at {percent(share)} of gross slip by "
-        f"{percent(energy)}"
+        f"{percent(energy)}, which the answers hold"
     )
-    effect = Effect(stiffness, energy, energy)
     said = [one for one in problems if one.code == "yielded"]
     if not said:
-        if severity == "info":
+        if max(stiffness, energy) <= tolerance:
             return problems
         message = f"the greatest pressure is near the hardness; {of_law}"
-        return [*problems, Problem("yielded", severity, message, effect)]
+        return [*problems, Problem("yielded", "info", message)]
     return [
-        replace(one, severity=severity, message=f"{one.message}; {of_law}", effect=effect)
-        if one.code == "yielded"
-        else one
+        replace(one, message=f"{one.message}; {of_law}") if one.code == "yielded" else one
         for one in problems
     ]

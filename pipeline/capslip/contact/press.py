@@ -349,11 +349,11 @@ def _eccentricity_m(found: Contacts, scene: Scene) -> tuple[float, float] | None
 def _by_detail(errors: ModelError | None, doubts: tuple[Problem, ...]) -> float:
     """Return the error of a map whose detail decides, 0 where it does not, or none is known.
 
-    Without that of its plastic law and of its optics: caps leave as much of both.
+    Without that of its optics: caps leave as much.
     """
     if errors is None or not _ask_caps(doubts):
         return 0.0
-    return errors.without_law.without_blur.greatest
+    return errors.without_blur.greatest
 
 
 def _by_caps(

@@ -173,13 +173,13 @@ def _tips(contact: ContactState, caps: CapTable, surface: HeightMap) -> bool:
 def _is_known(contact: ContactState, tolerance: float) -> bool:
     """Tell whether the estimated error of the model is within the tolerance."""
     errors = contact.errors
-    return errors is not None and errors.without_law.greatest <= tolerance
+    return errors is not None and errors.greatest <= tolerance
 
 
 def _is_counted(contact: ContactState, tolerance: float) -> bool:
     """Tell the same of the forces that are asked for, at which the error may be less."""
     errors = contact.errors
-    return errors is not None and errors.without_law.greatest_at(ASKED) <= tolerance
+    return errors is not None and errors.greatest_at(ASKED) <= tolerance
 
 
 def _share(caps: CapTable, flag: CapFlag) -> float:

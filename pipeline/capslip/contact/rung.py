@@ -114,7 +114,7 @@ class ModelError:
     # Shares of mu N, growing, and the error of the energy at each, where it falls with the force
     energy_by_share: tuple[tuple[float, float], ...] = ()
     unknown_to: float = 0.0  # share of mu N, up to which the energy is anything in its rectangle
-    law: "LawError | None" = None  # what a map that yields leaves beside all that; None: nothing
+    law: "LawError | None" = None  # of a map that yields: what that leaves open beside all this
     blur: tuple[float, float] = (0.0, 0.0)  # what the optics leave of stiffness and energy in these
     # What there is to say of them where a share of mu N is asked for; None: the same at any force
     doubts_at: Callable[[float], tuple[Problem, ...]] | None = field(
@@ -128,16 +128,8 @@ class ModelError:
 
     @property
     def greatest(self) -> float:
-        """The greater of both, with what the plastic law leaves from a tenth of mu N on."""
-        both = self.stiffness, self.energy
-        if self.law is None:
-            return max(both)
-        return max(max(self._with_law(both, at)) for at in self.law.shares)
-
-    @property
-    def without_law(self) -> "ModelError":
-        """The errors of the solution alone."""
-        return replace(self, law=None)
+        """The greater of both, from a tenth of mu N on."""
+        return max(self.stiffness, self.energy)
 
     @property
     def without_blur(self) -> "ModelError":
@@ -159,14 +151,7 @@ class ModelError:
 
     def both_at(self, share: float) -> tuple[float, float]:
         """Return the errors of stiffness and of the energy at a share of mu N."""
-        return self._with_law((self.stiffness, self.energy_at(share)), share)
-
-    def _with_law(self, both: tuple[float, float], share: float) -> tuple[float, float]:
-        """Return two errors with those of the plastic law, if any, at a share of mu N."""
-        if self.law is None:
-            return both
-        stiffness, energy = self.law.errors(share)
-        return math.hypot(both[0], stiffness), math.hypot(both[1], energy)
+        return self.stiffness, self.energy_at(share)
 
     def energy_at(self, share: float) -> float:
         """Return the error of the energy at a share of mu N, a power between those known.

@@ -82,10 +82,10 @@ def _of_one(state: State, part: Part) -> Left:
 
 
 def _of_law(state: State, contact: ContactState, share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the plastic law moves, shape (2,), and leaves at 95 %, (r, 2).
+    """Return what the plastic law moves beside the answer, shape (2,), and leaves at 95 %, (r, 2).
 
-    At a given displacement the force goes as that is moved at a given force, and the energy with
-    both.
+    That of a map is in its answer already. At a given displacement the force goes as that is moved
+    at a given force, and the energy with both.
     """
     shift, left = _law_at_force(contact, share)
     if state.by_force or not left.size:
@@ -106,7 +106,8 @@ def _law_at_force(contact: ContactState, share: float) -> tuple[np.ndarray, np.n
     law = None if of is None else of.law
     if law is None:
         return np.zeros(2), np.zeros((0, 2))
-    return np.array(law.shift(share)), law.half_95(share)
+    shift = np.zeros(2) if contact.moved is None else np.array(law.shift(share))
+    return shift, law.half_95(share)
 
 
 def _of_moved(

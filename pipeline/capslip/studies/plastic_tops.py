@@ -194,12 +194,10 @@ def stated(errors: ModelError) -> np.ndarray:
     pairs = []
     for share in FORCE_SHARES:
         half = np.array([[errors.stiffness, errors.energy_at(share)]])
-        shift = np.zeros(2)
         if errors.law is not None:
-            shift = np.array(errors.law.shift(share)) * (1.0, -1.0)  # K as displacement^-1
             half = np.vstack((half, errors.law.half_95(share)))
         wide = np.linalg.norm(half, axis=0)
-        pairs.append(np.stack((shift - wide, shift + wide), axis=1))
+        pairs.append(np.stack((-wide, wide), axis=1))
     return np.swapaxes(pairs, 0, 1)
 
 

@@ -1,23 +1,19 @@
 """How often the 90 % interval of the answer holds the truth, over noisy scans of known faces.
 
 The faces are the paper's families at random places; the truth is that of boundary elements on the
-face itself, on pixels of a third, and with a hardness what they expect of finite elements besides;
-the scans are maps of 300 x 200 points with white noise.
+face itself, on pixels of a third; the scans are maps of 300 x 200 points with white noise.
 """
 
 import argparse
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
 from capslip.analysis import analyze
-from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.interacting import RUNG as INTERACTING
-from capslip.contact.plastic_law import LawError, law_of_map
 from capslip.contact.slip import SlipCurve
 from capslip.pressing import press_face
 from capslip.settings import load_settings
@@ -58,9 +54,8 @@ def held(
     fine, _ = synthetic_surface(scene, finer=FINER)
     clock = Clock()
     # Nobody asks what is doubtful of the truth, which takes as long as to find it
-    pressed, _, slip = press_face(find_face(fine, exact, None, clock), exact, clock)
-    curve = cast(BoundaryElementCurve, pressed.curve)
-    true = _numbers(slip) * _by_law(law_of_map(curve, pressed.preload_N))
+    _, _, slip = press_face(find_face(fine, exact, None, clock), exact, clock)
+    true = _numbers(slip)
     for repeat in range(repeats):
         noise = np.random.default_rng([seed, repeat]).normal(0.0, noise_m, face.shape)
         analysis = analyze(replace(face, height_m=face.height_m + noise), settings)
@@ -76,14 +71,6 @@ def _numbers(slip: SlipCurve) -> np.ndarray:
     force_N = SHARE * float(slip.total_slip_force_N)
     delta_m, energy_J = float(slip.displacement_m(force_N)), float(slip.energy_at_force_J(force_N))
     return np.array([force_N / delta_m, energy_J, energy_J / (np.pi * force_N * delta_m)])
-
-
-def _by_law(law: LawError | None) -> np.ndarray:
-    """Return by which factors finite elements move `NUMBERS`, as a map expects; none of elastic."""
-    if law is None:
-        return np.ones(len(NUMBERS))
-    displacement, energy = law.shift(SHARE)
-    return np.exp([-displacement, energy, energy - displacement])
 
 
 def table_of_coverage(found: dict[float, list[Held]]) -> str:
