@@ -102,9 +102,9 @@ def test_the_interval_of_a_map_that_yields_holds_finite_elements(over_hardness):
         assert high / low < 2.5
     assert found.band.contributions["energy_J"]["plastic_law"] > 0.1
     said = [one for one in found.problems if one.code == "yielded"]
-    K_of_map = float(found.answer.tangential_stiffness_N_per_m)
-    warned = bool(said) and said[0].severity == "warning"
-    assert warned == (K / K_of_map > 1.05)
+    assert pytest.approx(float(found.answer.tangential_stiffness_N_per_m), rel=0.05) == K
+    assert pytest.approx(float(found.answer.energy_J), rel=0.15) == W
+    assert {one.severity for one in said} <= {"info"}
 
 
 @pytest.mark.long
@@ -255,7 +255,8 @@ def test_a_map_of_unlike_spheres_loses_what_contacts_of_metal_lose_together():
     surface = HeightMap(np.max(spheres, axis=0), (pixel_m, pixel_m))
     load_N = 4.0 * E * a_m**3 / (3.0 * R_M)
     hardness_Pa = 1.5 * load_N / (math.pi * a_m**2) / 1.4
-    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness_Pa)
+    found = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness_Pa)
+    curve = replace(found, as_solved=True)
     pressed_map = curve.pressed(load_N)
     each_N = pressed_map.region_loads_N
     over = (
@@ -312,18 +313,19 @@ def test_contacts_count_each_by_its_own_pressure():
     assert 0.0 < law_of_map(both, 2 * load_N).stiffness < one.stiffness
 
 
-def test_it_is_said_where_it_counts():
-    law = LawError(0.1, (0.0,) * 4, (0.0,) * 4, (0.4, 0.2, 0.1, 0.1), "it touches more")
+def test_it_is_said_what_the_answers_hold_of_it():
+    law = LawError(0.1, (0.0,) * 4, (0.0,) * 4, (0.4, 0.2, 0.1, 0.1))
     yielded = Problem("yielded", "info", "72% has yielded")
     other = Problem("one_contact", "warning", "one")
-    for tolerance, severity in ((0.1, "warning"), (0.2, "info")):
+    for tolerance in (0.1, 0.2):
         first, said = with_law([other, yielded], law, 0.25, tolerance)
-        assert (first, said.severity) == (other, severity)
-        assert said.effect.tangential_stiffness == pytest.approx(math.expm1(0.1))
-        assert said.effect.energy == pytest.approx(-math.expm1(-0.1))
-        assert "by 11 %" in said.message
+        assert (first, said.severity) == (other, "info")
+        assert said.message.startswith("72% has yielded; ")
+        assert "stiffness by 11 %" in said.message
+        assert "energy at 25 % of gross slip by 9.5 %, which the answers hold" in said.message
     assert with_law([other], law, 0.25, 0.2) == [other]
     (_, near) = with_law([other], law, 0.25, 0.1)
+    assert near.severity == "info"
     assert "near the hardness" in near.message
     assert with_law([other, yielded], None, 0.25, 0.01) == [other, yielded]
 
@@ -368,6 +370,21 @@ def test_how_blunt_a_top_is_tells_the_closed_form(power):
         assert (np.sign(of_form) == (1 if power == 1 else -1)).all()
         assert np.abs(of_form).min() > 0.02
         assert (law.left_open > -UNLOADING_95 * alike).all()
+
+
+@pytest.mark.parametrize("pixels", [1.2, 1.6, 2.5])
+def test_few_pixels_do_not_tell_how_blunt_a_sphere_is(pixels):
+    """They seemed anything from a third to three, wherever the pixels lie."""
+    a_m = pixels * PIXEL_M
+    load_N = 4.0 * E * a_m**3 / (3.0 * R_M)
+    hardness_Pa = 1.5 * load_N / (math.pi * a_m**2) / 0.9
+    for aside in ((0.0, 0.0), (0.5, 0.5), (0.5, 0.1), (0.3, 0.2)):
+        y_m, x_m = (np.square((np.arange(15) - 7 + one) * PIXEL_M) for one in aside)
+        surface = HeightMap(-(y_m[:, None] + x_m) / (2 * R_M), (PIXEL_M, PIXEL_M))
+        face = elastic_face(surface, E)
+        state = press(face, load_N=load_N, tolerance=1e-8)
+        found = parts_of(replace(face, hardness_Pa=hardness_Pa), state)
+        assert found.blunt == pytest.approx(np.ones(1), abs=0.15), aside
 
 
 @pytest.mark.long

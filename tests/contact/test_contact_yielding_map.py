@@ -145,21 +145,26 @@ def test_the_energy_of_a_fully_plastic_sphere_of_few_pixels_is_the_closed_form(
 ):
     """Six to fourteen pixels along its radius: on these alone W is far off at half of mu N.
 
-    At a tenth its edge lets go of less than any points follow, as is said.
+    At a tenth its edge lets go of less than any points follow: that is told otherwise.
     """
     hardness = 2e8
     surface = sphere(pixel_m, 64, off_m)
     curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness)
-    unloading = curve.unloading(load_N)
+    both = [one.unloading(load_N) for one in (replace(curve, as_solved=True), curve)]
     a_m = np.sqrt(load_N / hardness / np.pi)
     errors, _ = error_of_map(curve, load_N, 0.05)
     _, drop_N, loss_J = metal_unloading(9.0, load_N, a_m)
     for share, most in ((0.1, np.inf), (0.25, 0.05), (0.5, 0.02), (0.75, 0.02)):
-        at = np.log(share * load_N), np.log(unloading.load_drop_N), np.log(unloading.loss_J)
         known_J = np.interp(share * load_N, drop_N, loss_J)
-        off = abs(np.interp(*at) - np.log(known_J))
-        assert off < most
-        assert off < errors.energy_at(share)
+        as_solved, answered = (
+            abs(
+                np.interp(np.log(share * load_N), np.log(one.load_drop_N), np.log(one.loss_J))
+                - np.log(known_J)
+            )
+            for one in both
+        )
+        assert as_solved < most
+        assert answered < min(most + 0.01, errors.energy_at(share))
 
 
 @pytest.mark.parametrize("balanced", [False, True])
@@ -227,15 +232,18 @@ def test_a_contact_yields_between_its_pixels_though_none_of_them_does(across, ba
         )
         if finer > 1:
             curve = curve.at_forces((0.25, 0.5, 0.75))
+        # As the map has it; what metal does otherwise is told with fewer points of a coarse one
+        answered, curve = curve, replace(curve, as_solved=True)
         d = curve.approach_m(load_N)
         drops_N = np.array([0.25, 0.5, 0.75]) * load_N
-        found.append(curve.loss_integral_at_drop_J(d, drops_N))
+        found.append([one.loss_integral_at_drop_J(d, drops_N) for one in (curve, answered)])
         if finer == 1:
             assert curve.pressed(load_N).max_pressure_Pa < hardness
             elastic = boundary_elements(surface, E, preload_N=load_N, balanced=balanced)
             of_hertz = elastic.loss_integral_at_drop_J(elastic.approach_m(load_N), drops_N)
-    assert found[0] == pytest.approx(found[1], rel=0.03)
-    assert np.abs(of_hertz / found[1] - 1.0).max() > 0.1  # yielding is seen
+    assert found[0][0] == pytest.approx(found[1][0], rel=0.03)
+    assert found[0][1] == pytest.approx(found[1][1], rel=0.08)
+    assert np.abs(of_hertz / found[1][0] - 1.0).max() > 0.1  # yielding is seen
 
 
 def test_a_hardness_that_is_not_reached_changes_nothing():

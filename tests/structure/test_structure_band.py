@@ -658,7 +658,7 @@ def test_yielding_moves_the_interval_of_a_preload():
 @pytest.mark.parametrize("of_contact", [1.0, 0.1])
 def test_what_the_unloading_of_yielded_caps_leaves_moves_energy_and_stiffness(of_contact):
     """The stiffness by the share that the contact has of the compliance, with the bulk kept."""
-    law = LawError(0.0, (0.0,) * 4, (-0.6,) * 4, (0.3,) * 4, "so it is")
+    law = LawError(0.0, (0.0,) * 4, (-0.6,) * 4, (0.3,) * 4)
 
     def moved(contact):
         curve = contact.curve

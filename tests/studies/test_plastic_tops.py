@@ -127,13 +127,14 @@ def test_an_elastic_map_says_what_the_closed_form_does(top):
     assert found.energy[1:] == pytest.approx(np.interp(lost[1:] * load, s[1:], W), rel=0.01)
 
 
-def test_what_is_stated_lies_about_what_the_law_expects():
-    law = LawError(0.1, (0.02,) * 4, (-0.3,) * 4, (0.4,) * 4, "it touches more", ((0.07,) * 4,) * 2)
+def test_what_is_stated_holds_what_the_law_leaves_open():
+    """What it expects is in the answers: that moves nothing."""
+    law = LawError(0.1, (0.02,) * 4, (-0.3,) * 4, (0.4,) * 4, ((0.07,) * 4,) * 2)
     stiffness, energy = stated(ModelError(0.03, 0.2, law=law))
     wide = math.hypot(0.03, 0.7 * 0.1, 0.25 * 0.02)
-    assert stiffness == pytest.approx(np.tile([-0.08 - wide, -0.08 + wide], (4, 1)))
+    assert stiffness == pytest.approx(np.tile([-wide, wide], (4, 1)))
     wide = math.hypot(0.2, 0.7 * 0.1, 0.4)
-    assert energy == pytest.approx(np.tile([0.4 - wide, 0.4 + wide], (4, 1)))
+    assert energy == pytest.approx(np.tile([-wide, wide], (4, 1)))
     stiffness, energy = stated(ModelError(0.03, 0.2))
     assert stiffness == pytest.approx(np.tile([-0.03, 0.03], (4, 1)))
     assert energy == pytest.approx(np.tile([-0.2, 0.2], (4, 1)))
@@ -175,8 +176,7 @@ def test_blunt_tops_lose_what_is_stated_before_the_bound_has_flattened_their_rim
     found, errors = by_map(top, contact.load, contact.yield_stress)
     off = np.log(found.energy / answer_of(contact).energy)[1:]
     low, high = stated(errors)[1, 1:].T
-    assert off[-1] < -0.1
     assert (low < off).all()
     assert (off < high).all()
-    assert np.abs(off - 0.5 * (low + high))[1:].max() < 0.1
+    assert np.abs(off)[1:].max() < 0.1
     assert (high - low).max() < 0.8
