@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from capslip.compare.comparison import _bands, compare
-from capslip.compare.identification import _bound, _Search, _uncertainty, friction_and_preload
+from capslip.compare.identification import _bound, _Search, friction_and_preload
 from capslip.compare.measurement import Measurement
 from capslip.compare.model import STEP_OF_A_MAP, TRIALS_OF_A_MAP, JointModel
+from capslip.compare.uncertainty import holding, of_least_squares
 from capslip.contact.models.families import families
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
@@ -293,7 +294,8 @@ def test_a_curve_that_the_model_cannot_reach_ends_at_a_bound(model, gross_m):
 def test_uncertainty_is_that_of_linear_least_squares():
     jacobian = np.random.default_rng(5).normal(size=(9, 2)) * [3.0, 0.5]
     covariance = 0.7 / (9 - 2) * np.linalg.inv(jacobian.T @ jacobian)
-    log_std, correlation, condition, exponent = _uncertainty(jacobian, 0.7)
+    found, condition = of_least_squares(jacobian, 0.7)
+    log_std, correlation, exponent = found.log_std[:2], found.correlation, found.exponent
     np.testing.assert_allclose(log_std, np.sqrt(np.diag(covariance)), rtol=1e-12)
     assert correlation == pytest.approx(covariance[0, 1] / log_std.prod(), rel=1e-12)
     assert condition == pytest.approx(np.linalg.cond(jacobian), rel=1e-12)
@@ -303,6 +305,7 @@ def test_uncertainty_is_that_of_linear_least_squares():
     ]
     assert variance[0] < min(variance[1:])
     assert variance[0] == pytest.approx(covariance[0, 0] * (1 - correlation**2), rel=1e-9)
+    assert variance[0] == pytest.approx(found.log_std[2] ** 2, rel=1e-9)
 
 
 def test_what_is_identified_has_the_misfit_that_is_given(model, gross_m):
@@ -407,6 +410,56 @@ def test_uncertainty_holds_the_truth_where_the_curve_jumps_with_the_preload():
     off = np.array(off) / log_std
     assert (np.abs(off) < 2.5).all()
     assert (np.abs(off) > 0.8).any(axis=0).all()  # and the bars are not simply wide
+
+
+def alike_at_powers_of_two(preload_N):
+    """Return a face that at twice the preload and half the friction does what it did.
+
+    Forces and approaches go with the preload there: R by its inverse, h in proportion. In between
+    the second family lies lower than that.
+    """
+    by = preload_N / PRELOAD_N
+    h_m = 2.4e-7 * by * (1.0 + 0.2 * abs(np.sin(np.pi * np.log2(by))))
+    return families((5, 18), (23.8 / by, 26.7 / by), (0, h_m), 109.89e9)
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+def test_uncertainty_holds_other_preloads_that_fit_as_well(seed):
+    model = joints_of(alike_at_powers_of_two)
+    v_m = np.geomspace(0.05, 0.95, 25) * model.gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = noisy(model, v_m, seed)
+    at_twice = model.loss_factor(v_m, MU / 2, 2 * PRELOAD_N)
+    np.testing.assert_allclose(at_twice, model.loss_factor(v_m, MU, PRELOAD_N), rtol=1e-6)
+    found = compare(measured, model, MU, 700.0, identify=True)
+    fit = found.identified
+    # each of these is as much the truth as the others
+    for power in (-1, 0, 1, 2):
+        mu, N0 = MU / 2.0**power, PRELOAD_N * 2.0**power
+        assert abs(np.log(fit.friction_coefficient / mu)) < 2 * fit.friction_coefficient_log_std
+        assert abs(np.log(fit.preload_N / N0)) < 2 * fit.preload_log_std
+        assert fit.alike_N[0] < 1.01 * N0
+        assert fit.alike_N[1] > 0.99 * N0
+    # all share mu N0, and the data fix that
+    assert fit.exponent == pytest.approx(1.0, abs=0.01)
+    got = np.log(fit.friction_coefficient * fit.preload_N / (MU * PRELOAD_N))
+    assert abs(got) < 3 * fit.exponent_log_std
+    assert fit.exponent_log_std < NOISE
+    assert not fit.distinguishable
+    assert any("other preloads from" in remark for remark in found.remarks)
+
+
+def test_one_valley_is_as_wide_as_least_squares_have_it():
+    """Of a parabola every preload that was tried is as far away as it fits less well."""
+    jacobian = np.random.default_rng(6).normal(size=(12, 2)) * [3.0, 0.5]
+    of_points, _ = of_least_squares(jacobian, 0.7)
+    log_N0 = np.linspace(-3, 3, 13) * of_points.log_std[1]
+    log_mu = of_points.correlation * of_points.log_std[0] / of_points.log_std[1] * log_N0
+    apart = np.column_stack([log_mu, log_N0])
+    k = np.linalg.norm(apart @ jacobian.T, axis=1) / np.sqrt(0.7 / 10)
+    held, wider = holding(of_points, apart / np.maximum(k, 1.0)[:, None], np.zeros((2, 2)))
+    np.testing.assert_allclose(held.log_std, of_points.log_std, rtol=1e-9)
+    assert held.correlation == of_points.correlation
+    assert not wider
 
 
 def test_the_preload_that_was_given_is_among_those_that_are_tried():

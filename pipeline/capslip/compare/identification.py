@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
 
 from capslip.compare.model import JointModel, UnitCurve
+from capslip.compare.uncertainty import holding, of_least_squares
 from capslip.errors import ContactError, SettingsError
 from capslip.units import readable
 from capslip.waiting import Waiting
@@ -20,9 +21,13 @@ GREATEST_EXCESS = 10.0  # ln of gross slip over the greatest amplitude measured
 EXCESS = np.append(0.01, np.geomspace(0.03, 8, 40))  # of it, that are looked at first
 MISSED = math.log(3.0)  # what is known of real joints at best: a model that misses by more is wrong
 STEP = 1e-4  # of ln v_gross and ln N0, for differences; of a map that of ln N0 is the model's
+SAME = 1e-6  # relative, of squares
 STEPS = np.array([1, -1, 4, -4, 16, -16])  # of these, where the face carries none at the first
 PARTS = 6, 3, 3  # of the way between trials, then of the parts
 NEIGHBOURS = 4  # preloads to either side of the one that fits, whose scatter counts
+ALIKE = 3.0  # standard uncertainties of the points, within which another preload fits as well
+CLOSE = STEP * 2.0 ** np.arange(9)  # of ln N0, from the best: valleys closer than the trials
+TURNS = 4  # to the lowest of what was tried
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,8 @@ class Identified:
     unresolved: int  # that were not: less slips there than the model resolves
     resolved_from_m: float  # amplitude from which it does
     at_bound: str | None  # which bound stopped the search; the uncertainties then do not hold
+    # Least and greatest preload that fit as well, where they lie farther than least squares tell
+    alike_N: tuple[float, float] | None = None
 
     @property
     def missed(self) -> float | None:
@@ -81,6 +88,11 @@ def friction_and_preload(
     come and go, and least squares end in any of its dips. So more and more preloads are tried about
     the lowest, each with its best friction, and the uncertainties hold how far solutions beside it
     are off a smooth curve.
+
+    Caps that touch under one preload and not under the next leave several valleys, whose own width
+    says nothing of the others. So the uncertainties hold every preload that was tried: where the
+    squares S with the best friction are sqrt((S - S_min) / s^2) = k standard uncertainties of the
+    points above the least, that is k of its own away at least. In one valley least squares say so.
 
     A map resolves no slip below some share of mu N0, and tells nothing of the points there. They
     are left out, and as the share is of what is found, the others are fitted anew until it agrees.
@@ -132,49 +144,35 @@ def _fitted(
     amplitude_m: np.ndarray, joint_loss_factor: np.ndarray, model: JointModel, preload_N: float
 ) -> Identified:
     """Return what fits all of these points best."""
-    from scipy.optimize import least_squares
-
-    starts, bounds = _starts(amplitude_m, joint_loss_factor, model, preload_N)
+    starts, trials, bounds = _starts(amplitude_m, joint_loss_factor, model, preload_N)
     search = _Search(amplitude_m, joint_loss_factor, model, bounds)
     if model.is_rough:
         x = search.scanned(starts[:, 1], 2 * math.log(PRELOAD_RANGE) / (model.trials + 1))
+        search.try_all(trials)
     else:
-        waiting, fits = Waiting("identification", "fits"), []
-        for i, start in enumerate(starts):
-            if (begin := search.carried(start)) is not None:
-                # a step to where the face carries nothing is taken back, as that is infinite
-                fits.append(least_squares(search.residual, begin, search.slopes, bounds))
-            waiting.tell(i + 1, len(starts))
-        if not fits:
-            raise ContactError(
-                f"identification: got a face that carries none of the {len(starts)} preloads from "
-                "which to begin; expected one; look at its level and material"
-            )
-        x = min(fits, key=lambda one: one.cost).x
+        x = search.lowest(starts, trials)
     jacobian, covariance = search.near(x)
     squares = float(np.square(search.residual(x)).sum())
-    log_std, correlation, condition, exponent = _uncertainty(jacobian, squares)
-    of_points = np.append(log_std, log_std[0] * math.sqrt(max(1 - correlation**2, 0.0)))
-    # of ln mu, ln N0 and what of both the data fix best
-    both = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, exponent]])
-    of_model = np.sqrt(np.diag(both.T @ covariance @ both))
-    log_std = np.hypot(of_points, of_model)
+    of_points, condition = of_least_squares(jacobian, squares)
+    alike, apart = search.alike(x, squares)
+    known, wider = holding(of_points, apart, covariance)
     return Identified(
         friction_coefficient=math.exp(search.log_of_friction(x)),
         preload_N=math.exp(x[1]),
-        friction_coefficient_log_std=float(log_std[0]),
-        preload_log_std=float(log_std[1]),
-        correlation=correlation,
+        friction_coefficient_log_std=float(known.log_std[0]),
+        preload_log_std=float(known.log_std[1]),
+        correlation=known.correlation,
         condition_number=condition,
-        distinguishable=abs(correlation) <= GREATEST_CORRELATION
+        distinguishable=abs(known.correlation) <= GREATEST_CORRELATION
         and condition <= GREATEST_CONDITION,
-        exponent=exponent,
-        exponent_log_std=float(log_std[2]),
+        exponent=known.exponent,
+        exponent_log_std=float(known.log_std[2]),
         rms_log_ratio=math.sqrt(squares / amplitude_m.size),
         points=int(amplitude_m.size),
         unresolved=0,
         resolved_from_m=0.0,
         at_bound=_bound(x, bounds),
+        alike_N=alike if wider else None,
     )
 
 
@@ -186,6 +184,8 @@ class _Search:
     joint_loss_factor: np.ndarray
     model: JointModel
     bounds: np.ndarray  # (2, 2)
+    # Least squares, excess and ln v_gross / v_greatest for mu = 1 at each ln N0 that was tried
+    tried: dict[float, tuple[float, float, float]] = field(default_factory=dict)
 
     @cached_property
     def _unit_curve(self) -> Callable[[float], UnitCurve]:
@@ -231,16 +231,67 @@ class _Search:
         unit = self._unit_curve(math.exp(x[1]))
         return math.log(self.amplitude_m[-1] / unit.gross_slip_amplitude_m) + float(x[0])
 
+    def lowest(self, starts: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Return the x of least misfit, by least squares from several starts (k, 2).
+
+        Again from the lowest of what was tried beside, where that is lower.
+        """
+        self.try_all(trials)
+        for _ in range(TURNS):
+            x = self._along_slopes(starts)
+            self.try_all(np.clip(x[1] + np.append(-CLOSE, CLOSE), *self.bounds[:, 1]))
+            best = min(self.tried, key=lambda one: self.tried[one][0])
+            if self.tried[best][0] > (1.0 - SAME) * float(np.square(self.residual(x)).sum()):
+                break
+            starts = np.array([[self.tried[best][1], best]])
+        return x
+
+    def _along_slopes(self, starts: np.ndarray) -> np.ndarray:
+        from scipy.optimize import least_squares
+
+        waiting, fits = Waiting("identification", "fits"), []
+        for i, start in enumerate(starts):
+            if (begin := self.carried(start)) is not None:
+                # a step to where the face carries nothing is taken back, as that is infinite
+                fits.append(least_squares(self.residual, begin, self.slopes, self.bounds))
+                self._least(float(fits[-1].x[1]))  # the lowest of its valley
+            waiting.tell(i + 1, len(starts))
+        if not fits:
+            raise ContactError(
+                f"identification: got a face that carries none of the {len(starts)} preloads from "
+                "which to begin; expected one; look at its level and material"
+            )
+        return np.asarray(min(fits, key=lambda one: one.cost).x)
+
+    def try_all(self, log_N0: np.ndarray) -> None:
+        """Look for the least squares at preloads."""
+        for one in log_N0.tolist():
+            self._least(one)
+
+    def alike(self, x: np.ndarray, squares: float) -> tuple[tuple[float, float], np.ndarray]:
+        """Return least and greatest preload that fits as well as x, and how far off each is.
+
+        In ln mu and ln N0, (k, 2), over the standard uncertainties by which it fits less well.
+        """
+        logs = np.array(list(self.tried))
+        least, excess, log_gross = np.array(list(self.tried.values())).T
+        variance = squares / (self.amplitude_m.size - 2)
+        with np.errstate(divide="ignore"):
+            k = np.sqrt(np.maximum(least - squares, 0.0) / np.float64(variance))
+        apart = np.column_stack([excess - log_gross - self.log_of_friction(x), logs - x[1]])
+        held = k <= ALIKE  # none of a perfect fit
+        N0 = np.exp(np.append(logs[held], x[1]))
+        return (float(N0.min()), float(N0.max())), apart[held] / np.maximum(k[held], 1.0)[:, None]
+
     def scanned(self, log_N0: np.ndarray, way: float) -> np.ndarray:
         """Return the x of least misfit of preloads about those given, which lie a way apart."""
-        tried: dict[float, tuple[float, float]] = {}  # squares and excess
-        waiting = Waiting("identification", "preloads beside")
+        tried, waiting = self.tried, Waiting("identification", "preloads beside")
         for parts in PARTS:
             way /= parts
             beside = log_N0[:, None] + way * np.arange(1 - parts, parts)
             new = [one for one in np.clip(beside, *self.bounds[:, 1]).flat if one not in tried]
             for i, one in enumerate(new):
-                tried[one] = self._least(one)[:2]
+                self._least(one)
                 waiting.tell(i + 1, len(new))
             log_N0 = np.array([min(tried, key=lambda one: tried[one][0])])
         return np.array([tried[log_N0[0]][1], log_N0[0]])
@@ -287,6 +338,11 @@ class _Search:
 
         Infinite where the face cannot carry it.
         """
+        if log_N0 not in self.tried:
+            self.tried[log_N0] = self._looked_for(log_N0)
+        return self.tried[log_N0]
+
+    def _looked_for(self, log_N0: float) -> tuple[float, float, float]:
         from scipy.optimize import minimize_scalar
 
         try:
@@ -341,6 +397,13 @@ def remarks_on(found: Identified) -> list[str]:
             f"mu N0^{found.exponent:.2f} to {100 * found.exponent_log_std:.1f} %; give one of the "
             "two, or measure nearer to gross slip"
         )
+    if found.missed is None and found.alike_N is not None:
+        least, greatest = (readable(f"{one:.3g} N") for one in found.alike_N)
+        remarks.append(
+            f"other preloads from {least} to {greatest} fit the points as well, within "
+            f"{ALIKE:g} standard uncertainties of them: contacts touch or part between them; the "
+            "uncertainties hold these; give one of the two, or measure more amplitudes"
+        )
     if found.at_bound is not None:
         remarks.append(
             f"the identification ended at a bound ({found.at_bound}): its uncertainties do not hold"
@@ -348,28 +411,10 @@ def remarks_on(found: Identified) -> list[str]:
     return remarks
 
 
-def _uncertainty(jacobian: np.ndarray, squares: float) -> tuple[np.ndarray, float, float, float]:
-    """Return standard uncertainties (2,), correlation, condition number and exponent.
-
-    From the Jacobian (n, 2) of the residuals in ln mu and ln N0 and the sum of their squares: the
-    covariance is s^2 (J^T J)^-1 with s^2 the sum over n - 2. Where ln mu moves with ln N0 by the
-    slope cov / var(N0), mu N0^p with p the negative of that slope does not move with N0.
-    """
-    variance = squares / (len(jacobian) - 2)
-    _, singular, direction = np.linalg.svd(jacobian, full_matrices=False)
-    least = max(float(singular[1]), 1e-9 * float(singular[0]))  # blind to one of the two
-    # A perfect fit has no variance; the correlation is that of the data all the same. So this is
-    # the covariance without s^2, times the square of the greater singular value.
-    shape = (direction.T / np.array([1.0, (least / singular[0]) ** 2])) @ direction
-    log_std = np.sqrt(variance * np.diag(shape)) / float(singular[0])
-    correlation = float(shape[0, 1] / math.sqrt(shape[0, 0] * shape[1, 1]))
-    return log_std, correlation, float(singular[0]) / least, float(-shape[0, 1] / shape[1, 1])
-
-
 def _starts(
     amplitude_m: np.ndarray, joint_loss_factor: np.ndarray, model: JointModel, preload_N: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return where to begin, (ln v_gross / v_greatest, ln N0), and the bounds of the search.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where to begin, (ln v_gross / v_greatest, ln N0), all ln N0 tried, and the bounds.
 
     Families make the misfit a narrow valley with others beside it, so the whole range is looked
     over first, on coarse curves: the lowest places along the preload, three at most, and the one
@@ -406,7 +451,7 @@ def _starts(
     bounds = np.array([[0.0, ends[0]], [GREATEST_EXCESS, ends[1]]])
     # a search starts inside
     inside = np.clip(logs[low], ends[0] + STEP, ends[1] - STEP)
-    return np.column_stack([best[low], inside]), bounds
+    return np.column_stack([best[low], inside]), logs[np.isfinite(least)], bounds
 
 
 def _bound(x: np.ndarray, bounds: np.ndarray) -> str | None:
