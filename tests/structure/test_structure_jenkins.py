@@ -69,10 +69,32 @@ def test_marched_cycle(slip, share):
     assert marched_J == pytest.approx(slip.energy_J(amplitude_m), rel=0.012)
 
 
-def test_below_the_range_too_little_is_lost(slip):
+def test_below_the_range_up_to_two_times_as_much_is_lost_and_then_nothing(slip, tmp_path):
+    """Sliders with the moments of an even density up to delta_0 lose 2.10 times as much at most."""
     elements = jenkins(slip, smallest_displacement_m=0.1 * slip.total_slip_displacement_m)
-    assert elements.energy_J(1e-6 * slip.total_slip_displacement_m) == 0
     assert len(elements.slip_force_N) < len(jenkins(slip).slip_force_N)
+    first_m = elements.slip_displacement_m[0]
+    assert elements.energy_J(0.999 * first_m) == 0
+    delta_m = np.linspace(first_m, elements.smallest_displacement_m, 1001)[1:]
+    assert (elements.energy_J(delta_m) / slip.energy_J(delta_m)).max() == pytest.approx(
+        2.1, abs=0.4
+    )
+    write_jenkins(elements, tmp_path / "jenkins.csv")
+    text = (tmp_path / "jenkins.csv").read_text()
+    assert f"two times as much is\n# lost, and nothing up to {first_m:.6g} m." in text
+
+
+def test_an_even_density_is_lost_two_times_in_the_first_cell():
+    """Of one sphere far below gross slip, where W goes with delta^3 and T'' is even."""
+    slip = slip_curve(families(1, 25.0, 0, 110e9), 100.0, 0.2, 1.2)
+    elements = jenkins(slip, 0.05, 1e-4 * slip.total_slip_displacement_m)
+    first_m, second_m = elements.slip_displacement_m[:2]
+    low, high = 0.5 * (1.0 - 1.0 / np.sqrt(3.0)), 0.5 * (1.0 + 1.0 / np.sqrt(3.0))
+    assert second_m / first_m == pytest.approx(high / low, rel=1e-3)
+    x_m = np.linspace(1.0, 3.0, 2001) * first_m
+    ratio = elements.energy_J(x_m) / slip.energy_J(x_m)
+    assert ratio.max() == pytest.approx(4.0 / (9.0 * low), rel=1e-3)
+    assert x_m[ratio.argmax()] == pytest.approx(1.5 * first_m, rel=0.01)
 
 
 def test_units_rescale(spheres):

@@ -103,7 +103,8 @@ def jenkins(
         Allowed relative error of the energy per cycle, 0.005 to 0.5.
     smallest_displacement_m : float, optional
         The tolerance holds from here to total slip, and beyond. By default a hundredth of the
-        displacement at total slip. Below it the elements lose too little, and nothing in the end.
+        displacement at total slip. Below it the elements lose up to some two times as much, and
+        nothing below the least of their slip displacements.
 
     Returns
     -------
@@ -206,7 +207,8 @@ def write_jenkins(
 #   The force of the joint is the sum of f.
 # Harmonic balance: the same over two periods of u; the second one is the steady cycle.
 # The energy lost per cycle is {within}
-# {smallest_m:.6g} m to gross slip and beyond; at smaller ones too little is lost.
+# {smallest_m:.6g} m to gross slip and beyond; at smaller ones up to some two times as much is
+# lost, and nothing up to {elements.slip_displacement_m[0]:.6g} m.
 # The stiffnesses add up to the initial stiffness as near as the energy leaves it, the slip forces
 # to friction times preload.
 """

@@ -376,7 +376,8 @@ def _how_to_slide(found: Law) -> list[str]:
         f"pyHarm: one Jenkins a row, k = area * stiffness, mu = {found.friction_coefficient:g}, "
         "N0 = area * shear / mu.",
         f"The energy of a cycle is within {worst:.2g} (asked: {JENKINS_TOLERANCE:g}) from a "
-        "hundredth of the displacement at gross slip on; below it too little is lost.",
+        "hundredth of the displacement at gross slip on; below it up to some two times as much "
+        "is lost, and nothing in the end.",
     ]
 
 
