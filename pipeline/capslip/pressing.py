@@ -332,19 +332,18 @@ def under_preload(
 ) -> tuple[ContactState, SlipCurve]:
     """Return an elastic face of caps, and the slip of its joint, under another preload of that.
 
-    By the same model, and with its error where it was chosen for that: the same caps on the plane
-    that this preload balances, where the face was balanced.
+    By the same model, and with its error: the same caps on the plane that this preload balances,
+    where the face was balanced.
 
     Raises
     ------
     ContactError
         If the caps cannot carry it.
     """
-    chosen = settings.contact.model == "auto"
     settings = _forced(contact, settings)
     face = _at_its_level(face, contact, face.joint.under(preload_N), settings)
     pressed, _, slip = press_face(face, settings, Clock())
-    return (_with_error(face, pressed, settings)[0] if chosen else pressed), slip
+    return _with_error(face, pressed, settings)[0], slip
 
 
 def finds_its_level(face: Face, contact: ContactState, settings: Settings) -> bool:

@@ -350,6 +350,14 @@ def test_the_panel_on_the_page_is_the_one_that_was_found(several, tmp_path):
     assert json.loads(text) == panel
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_the_panel_says_whether_the_error_of_other_preloads_is_known(known, several, tmp_path):
+    panel = {"of_caps": True, "error_known": known}
+    text = write_report(several, several.summary(), tmp_path, None, panel).read_text("utf-8")
+    assert ("it is left out." in text) == known
+    assert ("how far they may be off is not known." in text) == (not known)
+
+
 def test_figures_of_several_scans_say_what_lies_between_these(several, tmp_path):
     of = {"settings": several.settings, "joint": several.joint, "problems": (), "scans": ()}
     joint = JointOfScans(**of, timings_s={}, started="now")

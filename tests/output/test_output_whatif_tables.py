@@ -13,12 +13,13 @@ from capslip.contact.rung import ModelError
 from capslip.contact.varying_load import varying
 from capslip.errors import ContactError
 from capslip.output import whatif
-from capslip.output.whatif import LEAST, TOLERANCE, _columns, whatif_data
+from capslip.output.whatif import LEAST, PRELOADS, TOLERANCE, _columns, whatif_data
 from capslip.pressing import under_preload
 from capslip.result import JointOfScans
 from capslip.settings import SlipSettings, load_settings
 from capslip.structure.answer import answer_to
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.surface.heightmap import HeightMap
 
 E_STAR_PA, RADIUS_M, LOAD_N = 110e9, 2.0, 40.0
 
@@ -81,7 +82,14 @@ def test_the_panel_starts_from_the_joint_as_it_was_analysed(several):
     found, slip, damping = whatif_data(several), several.slip, several.damping
     preload_N = float(slip.preload_N)
     told = [table["preload_N"] for table in found["tables"]]
-    assert told == pytest.approx([0.25 * preload_N, 0.5 * preload_N, 0.75 * preload_N, preload_N])
+    given, most = (several.face, several.contact), several.contact.errors.greatest
+    known = [
+        under_preload(*given, share * preload_N, several.settings)[0].errors.greatest <= most
+        for share in PRELOADS
+    ]
+    held = preload_N * np.array(PRELOADS)[known]
+    assert told == pytest.approx([*held, preload_N])
+    assert len(held) >= 2
     for load_N, table in zip(told, found["tables"], strict=True):
         _, D, _, _, _ = columns_of(table)
         assert np.exp(D[-1]) == pytest.approx(load_N, rel=1e-9)  # all of it is gone in the end
@@ -149,6 +157,33 @@ def test_a_preload_of_which_caps_know_less_than_is_asked_is_left_out(monkeypatch
 
     monkeypatch.setattr(whatif, "under_preload", under)
     assert [table["preload_N"] for table in whatif_data(analysis)["tables"]] == [150.0, 200.0]
+
+
+def noisy(preload_N, model):
+    """Return a face of caps with white noise, by a model that is forced."""
+    families = (CapFamily("G", 3, 24.0), CapFamily("P", 6, 24.0, 1e-7))
+    surface, _ = synthetic_surface(Scene((100, 150), (4e-4, 4e-4), seed=4, families=families))
+    noise_m = 5e-9 * np.random.default_rng(1).standard_normal(surface.shape)
+    surface = HeightMap(surface.height_m + noise_m, surface.pixel_size_m)
+    given = (f"contact.preload_N={preload_N}", f"contact.model={model}")
+    return analyze(surface, load_settings(overrides=given))
+
+
+@pytest.mark.parametrize(
+    ("model", "off_N", "left_N"),
+    [
+        ("interacting", 150.0, [200.0]),
+        pytest.param("families", 100.0, [50.0, 200.0], marks=pytest.mark.long),
+    ],
+)
+def test_of_a_forced_model_too_what_its_own_analysis_calls_off_is_left_out(model, off_N, left_N):
+    forced, own = noisy(200.0, model), noisy(off_N, model).contact.errors.greatest
+    assert own > 1.5 * max(forced.contact.errors.greatest, forced.settings.contact.tolerance)
+    under, _ = under_preload(forced.face, forced.contact, off_N, forced.settings)
+    assert under.errors.greatest == pytest.approx(own, rel=0.15)
+    found = whatif_data(forced)
+    assert found["error_known"]
+    assert [table["preload_N"] for table in found["tables"]] == left_N
 
 
 def test_a_joint_of_scans_is_resolved_no_finer_than_the_coarsest_of_them(several):

@@ -158,6 +158,7 @@ def write_report(
         whatif=panel and json.dumps(panel, allow_nan=False).replace("<", "\\u003c"),
         whatif_script=_part("whatif.js"),
         of_caps=bool(panel and panel["of_caps"]),
+        error_known=bool(panel and panel.get("error_known")),
         caps=None if scans else _cap_rows(analysis.caps, hill_loads_N(analysis)),
         scans=_scan_rows(scans, summary),
         tables=_tables(summary, None if scans else _changed(analysis)),

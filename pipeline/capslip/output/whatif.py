@@ -50,8 +50,8 @@ def whatif_data(analysis: "JointResult") -> dict[str, Any] | None:
 
     Notes
     -----
-    Other preloads are those of caps that stay elastic, balanced anew; where the model was chosen
-    for its error, those under which that is no more than is asked, or than under the preload
+    Other preloads are those of caps that stay elastic, balanced anew; where the error of their
+    model is known, those under which that is no more than is asked, or than under the preload
     itself. A map, and a face that yielded, would have to be pressed anew: they have one table.
     """
     slip, damping, answer = analysis.slip, analysis.damping, analysis.answer
@@ -81,6 +81,7 @@ def whatif_data(analysis: "JointResult") -> dict[str, Any] | None:
         "most_loss_factor": MOST_LOSS_FACTOR,
         "unresolved": max((resolved_share(part.contact) for part in analysis.parts), default=0.0),
         "of_caps": knows_other_preloads(analysis.joint, contact),
+        "error_known": contact is not None and contact.errors is not None,
     }
 
 
@@ -90,7 +91,7 @@ def _under_others(analysis: "JointResult") -> Iterator[tuple[float, NormalCurve]
     if not knows_other_preloads(analysis.joint, contact) or contact is None or slip is None:
         return
     of_settings, most = analysis.settings.contact, math.inf
-    if of_settings.model == "auto" and contact.errors is not None:
+    if contact.errors is not None:
         most = max(of_settings.tolerance, contact.errors.greatest)
     for share in PRELOADS:
         load_N = share * float(slip.preload_N)
