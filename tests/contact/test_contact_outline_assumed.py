@@ -112,3 +112,29 @@ def test_a_disc_is_a_note_and_what_holds_no_hill_is_none():
     (problem,) = said_of(analysed(without(R_M > 15e-3)))
     assert problem.severity == "info"
     assert not said_of(analysed(without(X_M + Y_M < 2e-3)))
+
+
+def framed(surface, wide=((90, 40), (30, 100))):
+    return replace(surface, height_m=np.pad(surface.height_m, wide, constant_values=np.nan))
+
+
+def test_a_frame_without_a_point_does_not_change_what_is_said_of_a_lost_corner():
+    cut, wider = analysed(without(CORNER)), analysed(framed(without(CORNER)))
+    (problem,), (again,) = said_of(cut), said_of(wider)
+    assert again.severity == problem.severity == "warning"
+    assert again.message == problem.message
+    assert again.effect.energy == pytest.approx(problem.effect.energy, rel=1e-3)
+    assert moved_energy(cut, wider) < 1e-3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_frame_alone_is_a_note_whether_points_within_stand_alone_or_not(share):
+    """Points that are lost at random at an edge hang together through the frame."""
+    lost = np.random.default_rng(21020).random(SHAPE) < share
+    bare, wider = analysed(without(lost)), analysed(framed(without(lost)))
+    assert not said_of(bare)
+    (problem,) = said_of(wider)
+    assert problem.severity == "info"
+    assert "in lines without any point" in problem.message
+    assert moved_energy(bare, wider) < 1e-3

@@ -13,6 +13,7 @@ from capslip.contact.material import check_modulus
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
+from capslip.surface.frame import without_frame
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import disc_within_m, outside_as_made
 
@@ -53,8 +54,12 @@ def energies_of_outline(face: HeightMap | ElasticFace) -> Energies:
 
 
 def filled_outside(surface: HeightMap) -> HeightMap:
-    """Return a face that goes on, at its lowest, where its map is open to the edge."""
-    height_m = np.where(surface.outside, surface.bounds_m[0], surface.height_m)
+    """Return a face that goes on, at its lowest, where it is open to the edge of what was measured.
+
+    Not in a frame of lines around it on which nothing was measured.
+    """
+    height_m, window = surface.height_m.copy(), surface.measured_window
+    height_m[window][surface.outside[window]] = surface.bounds_m[0]
     return replace(surface, height_m=height_m)
 
 
@@ -72,20 +77,27 @@ def problems_of_outline(surface: HeightMap, hill_radius_m: float) -> list[Proble
     -------
     list of Problem
         `outline_assumed` where such a disc lies outside: info where the outside is on both sides
-        alike, as that of a disc or a washer; else a warning, whose effect decides.
+        alike, as that of a disc or a washer; else a warning, whose effect decides. Lines along the
+        edges without any point say nothing of that: only where all else is whole, they are a note.
     """
     if surface.complete:
         return []
-    out = surface.outside
-    if disc_within_m(out, surface, hill_radius_m) == 0.0:
-        return []
-    more = energies_of_outline(surface).mean / energies_of_outline(filled_outside(surface)).mean
+    inner = without_frame(surface)
+    if disc_within_m(inner.outside, inner, hill_radius_m) == 0.0:
+        if inner is surface or disc_within_m(surface.outside, surface, hill_radius_m) == 0.0:
+            return []
+        message = (
+            f"{surface.outside.mean():.1%} of the map was not measured and is open to its edge, "
+            "in lines without any point: it is taken for outside of the face"
+        )
+        return [Problem("outline_assumed", "info", message)]
+    more = energies_of_outline(inner).mean / energies_of_outline(filled_outside(inner)).mean
     message = (
-        f"{out.mean():.1%} of the map was not measured and is open to its edge: it is taken for "
-        f"outside of the face, whose even pressure sinks it {more - 1.0:.2%} deeper than that of "
-        "the whole map"
+        f"{inner.outside.mean():.1%} of the map was not measured and is open to its edge: it is "
+        f"taken for outside of the face, whose even pressure sinks it {more - 1.0:.2%} deeper than "
+        "that of the whole map"
     )
-    if outside_as_made(surface):
+    if outside_as_made(inner):
         return [Problem("outline_assumed", "info", message)]
     message += "; a part of the face that was lost would carry load and is not counted"
     return [Problem("outline_assumed", "warning", message)]

@@ -28,6 +28,7 @@ from capslip.surface.conditioning import Conditioned
 from capslip.surface.filters import blurred, long_waves_at
 from capslip.surface.flatness import BOWS, bows_m, degree_taken_off, given_bow_m
 from capslip.surface.form import remove_form
+from capslip.surface.frame import frameless
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes
@@ -315,7 +316,8 @@ class Trials:
         member = np.flatnonzero(caps.usable)
         disc_m = 0.5 * caps.diameter_m[member]
         cut_m = float((caps.peak_height_m - caps.cap_height_m)[member].min())
-        hidden, lost, places = _chance_to_hide(self.face.surface, hole, disc_m, cut_m)
+        inner, hole, corner_m = frameless(self.face.surface, hole)
+        hidden, lost, places = _chance_to_hide(inner, hole, disc_m, cut_m)
         odds = hidden / np.maximum(1.0 - hidden, 1e-3)
         total = float(odds.sum())
         expected = max(total, lost) if total > 0.0 else 0.0
@@ -327,7 +329,8 @@ class Trials:
         for _ in range(DRAWS):
             stand_m, like = seen_m.copy(), []
             for one in rng.choice(member.size, max(1, rng.poisson(expected)), p=odds / total):
-                place_m = places(rng, disc_m[one])
+                x, y = places(rng, disc_m[one])
+                place_m = corner_m[0] + x, corner_m[1] + y
                 if min(math.dist(place_m, other_m) for other_m in stand_m) > disc_m[one]:
                     stand_m.append(place_m)
                     like.append(member[one])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from capslip.surface.frame import in_frame, without_frame
 from capslip.surface.heightmap import Filling, HeightMap
 from capslip.surface.outliers import stand_alone
 
@@ -55,6 +56,16 @@ def fill_scattered(surface: HeightMap) -> HeightMap:
     >>> bool(np.nanmax(np.abs(off[5:-5, 5:-5])) < 0.01 * np.ptp(z)), filled.filling.way
     (True, 'cubic')
     """
+    inner = without_frame(surface)
+    found = _filled(inner)
+    if found is inner:
+        return surface
+    assert found.filling is not None
+    filling = replace(found.filling, measured=surface.measured)
+    return replace(surface, height_m=in_frame(found.height_m, surface), filling=filling)
+
+
+def _filled(surface: HeightMap) -> HeightMap:
     if not stand_alone(surface.measured):
         return surface
     from scipy.spatial import Delaunay, QhullError

@@ -383,7 +383,7 @@ class HeightMap:
         """Mask of the points outside of the face, bool, shape (ny, nx): see `outside_of`."""
         if self.complete:
             return np.broadcast_to(False, self.shape)
-        return outside_of(self.measured, self.void)
+        return outside_of(self.measured, self.void, self.measured_window)
 
     def is_outside(self, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         """Tell which pixels lie beyond the edge of the map, or outside of the face on it."""

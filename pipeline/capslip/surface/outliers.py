@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 
+from capslip.surface.frame import without_frame
 from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.lifted import lifted_patches
@@ -153,7 +154,16 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     >>> find_outliers(HeightMap(z, (1e-4, 1e-4))).index
     array([1230, 2410, 2411])
     """
-    stored = stored or surface
+    inner, stored = without_frame(surface), without_frame(stored or surface)
+    found = _found(inner, stored)
+    if inner is surface:
+        return found
+    rows, columns = surface.measured_window
+    row, col = np.divmod(found.index, inner.shape[1])
+    return replace(found, index=(row + rows.start) * surface.shape[1] + col + columns.start)
+
+
+def _found(surface: HeightMap, stored: HeightMap) -> Outliers:
     if stand_alone(surface.measured):
         return _of_lone_points(surface, stored.height_m.reshape(-1))
     lowest_m, highest_m = surface.bounds_m

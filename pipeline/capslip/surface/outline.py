@@ -6,12 +6,21 @@ HOLE = np.ones((3, 3), dtype=bool)  # of lost points, from which they are no sin
 RUNS = HOLE[:1], HOLE[:, :1]
 
 
-def outside_of(measured: np.ndarray, void: bool) -> np.ndarray:
+def outside_of(measured: np.ndarray, void: bool, window: tuple[slice, slice]) -> np.ndarray:
     """Return which points are outside of a face, shape (ny, nx): lost, and open to the edge.
 
     So is a margin of one line, but no point that was lost alone in a corner: three in a row are
     outside. Where nothing is that was not measured (`void`), every hole of 3 x 3 is outside, too.
+    Within the least rectangle that holds all measured points (`window`) it is what it is without
+    the margin around.
     """
+    out = np.ones(measured.shape, dtype=bool)
+    if out[window].size:
+        out[window] = _open_to_edge(measured[window], void)
+    return out
+
+
+def _open_to_edge(measured: np.ndarray, void: bool) -> np.ndarray:
     from scipy.ndimage import binary_opening
 
     lost = ~measured

@@ -8,6 +8,7 @@ import numpy as np
 from capslip.problems import Problem
 from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
+from capslip.surface.frame import in_frame, without_frame
 from capslip.surface.heightmap import HeightMap, Heights, Rounding
 from capslip.surface.noise import mixed_difference, rms_of_noise_m
 from capslip.surface.rows import even_lines
@@ -60,6 +61,15 @@ def smooth_steps(surface: HeightMap) -> HeightMap:
     >>> round(found.rounding.step_m * 1e9), bool(np.std(found.height_m - z) < 1e-8)
     (100, True)
     """
+    inner = without_frame(surface)  # beyond what was measured the filter goes on as it does there
+    found = _smoothed(inner)
+    if found is inner:
+        return surface
+    height_m = in_frame(found.height_m, surface)
+    return replace(surface, height_m=height_m, rounding=found.rounding)
+
+
+def _smoothed(surface: HeightMap) -> HeightMap:
     step_m, levels = _step_m(surface)
     if step_m is not None and levels < LEAST_LEVELS:
         return replace(surface, rounding=Rounding(step_m, UNIFORM * step_m, smoothed=False))
