@@ -372,7 +372,7 @@ ROWS = [
     Row("contact_at_hole", "warning", "of the preload rests on contacts that go on",
         "four-patches solved", "plain solved"),
     Row("outline_assumed", "warning", "18.0% of the map", "cornered", "plain"),
-    Row("outline_assumed", "info", "47.7% of the map", "round", "plain"),
+    Row("outline_assumed", "info", "21.5% of the map within", "round", "plain"),
     Row("points_filled", "info", "80.1% of the points", "sieve"),
     Row("points_filled", "warning", "99.0% of the points", "coarse-sieve"),
     Row("heights_in_steps", "info", "in steps of 2e-08 m", "in-steps", "clipped"),

@@ -219,7 +219,7 @@ def test_a_worn_pair_finds_its_place(offset_m, rotation_rad, mirror, second_pixe
     assert found.correlation > 0.99
     both = composite_surface(first, second, found)
     assert np.nanstd(both.height_m) < 5e-8
-    assert problems_of_mating(both, found, second) == ()
+    assert problems_of_mating(both, found, first, second) == ()
     assert truth.correlation is None
 
 
@@ -239,7 +239,7 @@ def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
     first = HeightMap(waves((120, 180), 1, width=4), PIXEL_M)
     second = HeightMap(waves((120, 180), 2, width=4), PIXEL_M)
     found = place(first, second, align="least_squares")
-    problems = problems_of_mating(composite_surface(first, second, found), found, second)
+    problems = problems_of_mating(composite_surface(first, second, found), found, first, second)
     assert [p.code for p in problems] == ["mating_unrelated"]
 
 
@@ -285,7 +285,7 @@ def test_places_along_a_lay_that_are_as_good_are_said(cross, sure):
     found = place(first, second, align="least_squares")
     assert found.correlation > 0.9
     assert found.offset_m[1] == pytest.approx(dx_m, abs=0.1 * D_M)
-    problems = problems_of_mating(composite_surface(first, second, found), found, second)
+    problems = problems_of_mating(composite_surface(first, second, found), found, first, second)
     assert [one.code for one in problems] == ([] if sure else ["mating_unrelated"])
     if sure:
         assert found.offset_m[0] == pytest.approx(dy_m, abs=0.1 * D_M)
@@ -314,18 +314,32 @@ def test_a_difference_is_told_by_its_blocks():
 def test_little_overlap_is_said_and_none_is_refused():
     face = HeightMap(waves((60, 90)), PIXEL_M)
     beside = place(face, face, offset_m=(0.0, 60 * D_M))
-    problems = problems_of_mating(composite_surface(face, face, beside), beside, face)
+    problems = problems_of_mating(composite_surface(face, face, beside), beside, face, face)
     assert [p.code for p in problems] == ["mating_overlap"]
     for times, codes in ((5.0, []), (6.0, ["mating_overlap"])):  # 4 and 2.8 % of the larger one
         larger = HeightMap(face.height_m, (times * PIXEL_M[0], times * PIXEL_M[1]))
         laid = place(face, larger)
-        problems = problems_of_mating(composite_surface(face, larger, laid), laid, larger)
+        problems = problems_of_mating(composite_surface(face, larger, laid), laid, face, larger)
         assert [p.code for p in problems] == codes
     barely = place(face, face, offset_m=(0.0, 0.99 * face.side_m[1]))
     with pytest.raises(UnusableSurfaceError, match=r"1.* % of the first face is measured"):
         composite_surface(face, face, barely)
     with pytest.raises(UnusableSurfaceError, match="overlap"):
         composite_surface(face, face, place(face, face, offset_m=(0.0, 1.0)))
+
+
+@pytest.mark.parametrize("wide", [40, 300])
+def test_a_frame_without_a_point_is_no_part_of_a_face_that_is_not_covered(wide):
+    """All that was measured of either face lies on the other, as without the frames."""
+    faces = [HeightMap(waves((60, 90), seed), PIXEL_M) for seed in (1, 2)]
+    framed = [
+        replace(one, height_m=np.pad(one.height_m, wide, constant_values=np.nan)) for one in faces
+    ]
+    bare, found = (mate(*map(condition, both), place(*both)) for both in (faces, framed))
+    for one in (bare, found):
+        assert not [p for p in one.problems if p.code == "mating_overlap"]
+    inner_m = found.surface.height_m[found.surface.measured_window]
+    np.testing.assert_allclose(inner_m, bare.surface.height_m, atol=1e-12)
 
 
 def test_mated_faces_are_conditioned_and_tell_their_steps():

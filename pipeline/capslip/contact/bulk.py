@@ -92,8 +92,9 @@ def problems_of_outline(surface: HeightMap, hill_radius_m: float) -> list[Proble
         )
         return [Problem("outline_assumed", "info", message)]
     more = energies_of_outline(inner).mean / energies_of_outline(filled_outside(inner)).mean
+    whole = "the map" if inner is surface else "the map within its lines without any point"
     message = (
-        f"{inner.outside.mean():.1%} of the map was not measured and is open to its edge: it is "
+        f"{inner.outside.mean():.1%} of {whole} was not measured and is open to its edge: it is "
         f"taken for outside of the face, whose even pressure sinks it {more - 1.0:.2%} deeper than "
         "that of the whole map"
     )

@@ -1,6 +1,5 @@
 """What makes a height map doubtful before anything is computed from it."""
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -220,7 +219,7 @@ def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 
 def problems_of_mating(
-    composite: HeightMap, placement: "Placement", second: HeightMap
+    composite: HeightMap, placement: "Placement", first: HeightMap, second: HeightMap
 ) -> tuple[Problem, ...]:
     """Say what makes the composite surface doubtful.
 
@@ -230,8 +229,8 @@ def problems_of_mating(
         From `composite_surface`.
     placement : Placement
         From `place`.
-    second : HeightMap
-        The second face.
+    first, second : HeightMap
+        The faces. A frame of lines without any point is no part of one.
 
     Returns
     -------
@@ -264,7 +263,7 @@ def problems_of_mating(
             )
         )
     both_m2 = composite.n_measured * composite.pixel_area_m2
-    of_first, of_second = (both_m2 / math.prod(one.side_m) for one in (composite, second))
+    of_first, of_second = (both_m2 / one.measured_area_m2 for one in (first, second))
     message = ""
     if of_first < LEAST_OVERLAP:
         message = f"{percent(of_first)} of the first only; check mating.offset_m and mating.mirror"

@@ -190,7 +190,8 @@ def _sum(
 ) -> HeightMap:
     """Add the heights of the second face to those of the first, on the points of the first."""
     height_m = first.height_m + _laid(first, second, placement, spline=True)
-    covered = np.count_nonzero(np.isfinite(height_m)) / height_m.size
+    here_m = height_m[first.measured_window]
+    covered = np.count_nonzero(np.isfinite(here_m)) / max(1, here_m.size)
     if covered < LEAST_TO_PRESS:
         raise UnusableSurfaceError(
             f"{first.origin.name} and {second.origin.name}: {100 * covered:.2g} % of the first "
@@ -303,7 +304,7 @@ def mate(
     }
     tops = (*first.tops_of_scans, *second.tops_of_scans)
     steps = (*first.steps, step)
-    doubts = problems_of_mating(surface, placement, second.surface)
+    doubts = problems_of_mating(surface, placement, first.surface, second.surface)
     if way == "together":
         face = replace(
             first.surface,
