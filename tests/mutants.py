@@ -322,7 +322,7 @@ TABLE = [
         ("doubts.py",),
         (
             *("tests/test_doubts.py", "tests/contact/test_*doubts*.py", "tests/test_stages.py"),
-            "tests/test_verdict.py",
+            *("tests/test_verdict.py", "tests/test_second_face.py"),
         ),
     ),
     (

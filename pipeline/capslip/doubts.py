@@ -47,6 +47,7 @@ from capslip.surface.doubts import (
     problems_of_tilt,
 )
 from capslip.surface.flatness import (
+    BOWS,
     degree_taken_off,
     error_of_form_m,
     known_flatness_m,
@@ -138,6 +139,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     problems = _naming_recovery(problems, contact)
     problems = _with_what_law_moves(_less_voids(problems, face, settings), found)
     problems = with_effects(problems, *pressed, contact, _share_asked(found))
+    problems += _of_second_face(face, contact, settings)
     return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
 
 
@@ -287,6 +289,26 @@ def _of_outline(face: Face) -> list[Problem]:
         return []
     radius_m = 0.5 * float(np.median(hills.diameter_m[hills.usable]))
     return problems_of_outline(face.conditioned.surface, radius_m)
+
+
+def _of_second_face(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:
+    """Return what is doubted of the second of two maps whose caps are counted together, by itself.
+
+    What it moves is not known: the first map, on which that is tried, does not tell.
+    """
+    second = face.second
+    if second is None:
+        return []
+    conditioned, caps = second.conditioned, second.caps
+    beside = replace(face, conditioned=conditioned, caps=caps, family_caps=caps, second=None)
+    problems = [*second.problems, *_of_outline(beside), *_of_levelling(beside, contact, settings)]
+    if known_flatness_m(conditioned.surface, settings) is not None:  # of one instrument: said once
+        problems = [one for one in problems if one.code not in BOWS]
+    name = conditioned.surface.origin.name
+    return [
+        replace(one, message=f"{name}: {one.message}")
+        for one in _less_voids(problems, beside, settings)
+    ]
 
 
 def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:

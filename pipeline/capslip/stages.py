@@ -45,6 +45,7 @@ FAMILY_TURNS = 4  # of the families and their plane
 # Across the face, of the height of the caps; the next turn is a hundredth of it on the same hills
 FAMILY_SETTLED = 1e-2
 TIMES, TOLD_s = 10, 2.0  # curves of a map that a contact may take; a time that is worth telling
+OF_HOLES = "hole_may_hide_hills"
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -99,6 +100,16 @@ class Face:
     label: np.ndarray | None  # the caps' hills; None where the caps are those of two maps
     family_caps: CapTable
     problems: tuple[Problem, ...]
+    second: "SecondFace | None" = None  # where the caps are those of two maps
+
+
+@dataclass(frozen=True, eq=False)
+class SecondFace:
+    """The second of two maps whose caps are counted together, as it is by itself."""
+
+    conditioned: Conditioned
+    caps: CapTable
+    problems: tuple[Problem, ...]  # of its holes: what they may hide is not told by the first
 
 
 def find_face(
@@ -351,12 +362,15 @@ def _two_maps(
     settings = joint.settings_of_scan(settings)
     hills, caps, problems = _hills_and_caps(first.surface, settings, clock)
     _, other_caps, other_problems = _hills_and_caps(second.surface, settings, clock)
+    of_holes = tuple(one for one in other_problems if one.code == OF_HOLES)
+    beside = SecondFace(second, other_caps, of_holes)
     caps = join_faces(caps, other_caps, placement.on_first, placement.rotation_rad)
     name = second.surface.origin.name
     for problem in (*second.problems, *other_problems):
-        problems.append(replace(problem, message=f"{name}: {problem.message}"))
+        if problem.code != OF_HOLES:
+            problems.append(replace(problem, message=f"{name}: {problem.message}"))
     caps, families = _grouped(caps, settings, clock)
-    return Face(joint, mated, None, hills, caps, families, None, caps, tuple(problems))
+    return Face(joint, mated, None, hills, caps, families, None, caps, tuple(problems), beside)
 
 
 def _grouped(caps: CapTable, settings: Settings, clock: Clock) -> tuple[CapTable, Families]:
