@@ -13,6 +13,7 @@ from capslip.contact.plastic_law import SHARES, SMALL_SHARES, LawError, law_of_m
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import HertzCurve
 from capslip.contact.solvers.unloading import Unloading
+from capslip.errors import ContactError
 from capslip.studies.plastic_sphere import mesh_of
 from capslip.studies.plastic_tops import TOPS, answer_of, by_elements, by_map, stated
 from capslip.surface.heightmap import HeightMap
@@ -212,3 +213,14 @@ def test_maps_of_tops_that_yield_answer_as_finite_elements_do(top, overload, pix
         assert (low < off).all()
         assert (off < high).all()
     assert (W[:, 1] < np.log(8.0)).all()  # nowhere anything
+
+
+def test_a_contact_of_too_few_pixels_to_slip_says_so():
+    """Whatever metal would do there: slip is refused as it is of an elastic one."""
+    at_m = np.square((np.arange(9) - 4.0) * 1e-6)
+    surface = HeightMap(-(at_m[:, None] + at_m) / (2.0 * R_M), (1e-6, 1e-6))
+    curve = boundary_elements(surface, E_PA, preload_N=1.9e-6, hardness_Pa=2e6)
+    assert curve.pressed(1.9e-6).over_hardness.max() > 0.9
+    assert curve.law(1.9e-6) is None
+    with pytest.raises(ContactError, match="1 pixels; expected at least 8"):
+        curve.unloading(1.9e-6)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from capslip.contact.plastic_law import SMALL_SHARES, LawError
+from capslip.contact.plastic_law import SHARES, SMALL_SHARES, LawError
 from capslip.contact.solvers.unloading import Unloading
 
 # Of mu N, below which pixels are left: up to so many times the force that they resolve, and no more
@@ -42,7 +42,8 @@ def as_metal(unloading: Unloading, law: LawError, spring_m_per_N: float) -> Unlo
     s, x, L = unloading.load_drop_N, unloading.withdrawal_m, unloading.loss_J
     from_N = _from_N(unloading)
     k = max(int(np.searchsorted(s, from_N, side="right")) - 1, 0)
-    metal_J = L * np.exp([law.shift(share)[1] for share in (s / unloading.load_N).tolist()])
+    more = np.interp(np.log(s / unloading.load_N), np.log(SHARES), law.energy) - law.stiffness
+    metal_J = L * np.exp(more)
     least_N = min(SMALL_SHARES[0] * unloading.load_N, _FAR * float(s[k]))
     small_N = np.geomspace(least_N, s[k], _ROWS)[:-1]
     fall = law.small_energy(np.append(small_N, s[k]) / unloading.load_N)

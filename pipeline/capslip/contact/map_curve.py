@@ -115,10 +115,11 @@ class BoundaryElementCurve:
         if key not in self.metal:
             solved, found = replace(self, as_solved=True), None
             try:
-                if (law := law_of_map(solved, load_N)) is not None:
-                    found = law, as_metal(solved.unloading(load_N), law, key[1])
+                below = solved.unloading(load_N)
             except ContactError:  # slip says why
-                pass
+                return None
+            if (law := law_of_map(solved, load_N)) is not None:
+                found = law, as_metal(below, law, self.compliance_m_per_N)
             self.metal[key] = found
         return self.metal[key]
 
