@@ -52,9 +52,9 @@ PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
 # the more there are, the fewer pixels tell of the contact; of fewer it is below `LEAST_ERROR`
 SPLINE_95 = {0.1: 0.0015, 0.25: 0.001, 0.5: 0.0007, 0.75: 0.0007}
 SPLINE_POINTS = 7, 30
-# Of metal, the most that both say from a quarter on where other points were solved as well: they
-# rest on spheres with wider rings, and rough faces and fully plastic spheres are off by less there;
-# at a tenth the edge of a fully plastic one lets go of less than any points follow
+# Of metal, the most that both say from a tenth on where other points were solved as well: they
+# rest on spheres with wider rings, and rough faces and fully plastic spheres are off by less; what
+# no points follow at small forces falls as round contacts of metal do, see `as_metal`
 MOST_OF_RINGS = 1.0
 STIFFNESS_95 = 0.75  # of what they leave in the energy at three quarters, in the stiffness
 SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -62,13 +62,12 @@ class LawError:
     """
 
     stiffness: float  # where slip begins
-    displacement: tuple[float, ...]  # beyond that, at each of `shares`
-    energy: tuple[float, ...]  # at the same stiffness, at each of `shares`
+    displacement: tuple[float, ...]  # beyond that, at each of `SHARES`
+    energy: tuple[float, ...]  # at the same stiffness, at each of `SHARES`
     left_open: tuple[float, ...]  # of the energy, on either side at 95 %
     # Of displacement and energy, on either side at 95 %, by how wide what yielded is
     of_radius: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,) * len(SHARES),) * 2
     small_slip: tuple[float, ...] = ()  # logarithms of the energy at `SMALL_SHARES`, of any unit
-    shares: ClassVar[tuple[float, ...]] = SHARES  # of mu N
 
     def small_energy(self, share: np.ndarray) -> np.ndarray:
         """Return the energies at small shares of mu N, of any unit, with a cube below the least."""
@@ -106,7 +105,9 @@ class LawError:
 
 
 def law_of_map(curve: "BoundaryElementCurve", load_N: float) -> LawError | None:
-    """Return what the plastic law of a map leaves open under its first load; None: nothing.
+    """Return what metal does otherwise than a map under its first load, and what of it is open.
+
+    None: nothing.
 
     The map clips pressures at the hardness. Finite elements of spheres yield below their surface
     before that, and are wider at the same load from p0 = 0.8 H on (Jackson and Green 2005, with
@@ -138,14 +139,16 @@ def law_of_map(curve: "BoundaryElementCurve", load_N: float) -> LawError | None:
     pair_per_m = _pairs_per_m(pressed, heavy) if heavy.size > 1 else None
     contacts = each[heavy], each_N[heavy]
     was, lost = withdrawn_together(*contacts, radius_m[heavy], SHARES, pair_per_m)
-    all_shares = (*SHARES, *SMALL_SHARES)
-    of_metal = withdrawn_together(*contacts, of_metal_m[heavy], all_shares, pair_per_m)
-    (moves, loses), (_, small) = np.split(np.array(of_metal), [len(SHARES)], axis=1)
-    displacement, energy = share * np.log(moves / was), np.log(loses / lost)
+    both = tuple(sorted({*SHARES, *SMALL_SHARES}))
+    moves, loses = withdrawn_together(*contacts, of_metal_m[heavy], both, pair_per_m)
+    at, small_at = (np.searchsorted(both, one) for one in (SHARES, SMALL_SHARES))
+    displacement, energy = share * np.log(moves[at] / was), np.log(loses[at] / lost)
     of_spheres = _energies(over, pressed.pressure_Pa)
     of_form = _energies(_as_it_unloads(over, blunt), pressed.pressure_Pa) - of_spheres
     of_rim = np.array(RIM_SHARES) * _of_rim(over, blunt, pressed.pressure_Pa)
-    small = np.log(small) + np.interp(np.log(SMALL_SHARES), np.log(SHARES), of_form + of_rim)
+    small = np.log(loses[small_at]) + np.interp(
+        np.log(SMALL_SHARES), np.log(SHARES), of_form + of_rim
+    )
     sure = np.interp(each, HARD_AT, (0.0, HARD_95)) @ each_N / each_N.sum()
     return LawError(
         stiffness,
