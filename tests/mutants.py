@@ -340,6 +340,7 @@ TABLE = [
             "tests/contact/test_*tilting.py",
         ),
     ),
+    (("caps_hold.py",), ("tests/output/test_output_law.py",)),
     (
         ("stages.py", "settings.py", "setting_errors.py"),
         ("tests/test_stages.py", "tests/caps/test_*registry*.py", "tests/test_verdict.py"),

@@ -30,7 +30,7 @@ FLOORS = (
     {"next_steps", "structure"},
     {"stages"},
     {"pressing"},
-    {"sensitivity"},
+    {"caps_hold", "sensitivity"},
     {"summary", "verdict"},
     {"result"},
     {"doubts"},

@@ -14,7 +14,6 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import UNUSABLE, CapTable
 from capslip.contact.balanced import levelled
-from capslip.contact.certificate import certify_cut
 from capslip.contact.choice import (
     Choice,
     caps_not_pressed,
@@ -26,13 +25,12 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint, knowing_levels
 from capslip.contact.levelling import turned
-from capslip.contact.material import yield_law
 from capslip.contact.press import ContactState, press
-from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, asked_of_error, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.time_needed import boundary_elements_s
 from capslip.contact.uneven_accuracy import (
+    error_against,
     error_of_joint,
     error_of_patches,
     lightest,
@@ -87,18 +85,21 @@ def press_face(
         with clock("slip"):
             other, other_slip, _ = _sheared(face, other, other_caps, settings)
     except ContactError as failure:
-        return _tried(contact, f"fails: {failure}"), caps, slip
-    known, better = contact.errors, other.errors
-    if better is None:
-        return _tried(contact, "does not know how far it is off"), caps, slip
-    if known is not None and known.greatest <= better.greatest:
-        return _tried(contact, f"may be off by {off_by(better.greatest)}"), caps, slip
-    return other, other_caps, other_slip
+        said = f"fails: {failure}"
+    else:
+        known, better = contact.errors, other.errors
+        if better is None:
+            said = "does not know how far it is off"
+        elif known is None or known.greatest > better.greatest:
+            return other, other_caps, other_slip
+        else:
+            said = f"may be off by {off_by(better.greatest)}"
+    return replace(contact, problems=_tried(contact.problems, said)), caps, slip
 
 
-def _tried(contact: ContactState, found: str) -> ContactState:
-    """Return caps that stay in use with what was found of the map that they asked for."""
-    problems = [
+def _tried(doubts: tuple[Problem, ...], found: str) -> tuple[Problem, ...]:
+    """Return doubts of caps that stay in use with what was found of the map that they asked for."""
+    return tuple(
         replace(
             one,
             message=f"{one.message}; the map was pressed as well, and {found}",
@@ -106,9 +107,8 @@ def _tried(contact: ContactState, found: str) -> ContactState:
         )
         if one.code == "boundary_elements_needed"
         else one
-        for one in contact.problems
-    ]
-    return replace(contact, problems=tuple(problems))
+        for one in doubts
+    )
 
 
 def _sheared(
@@ -202,6 +202,8 @@ def _with_errors_of_joint(
         doubts = (Problem("pressures_interpolated", "warning", message),)
     given = face.joint, curve, contact, light, doubts, settings.contact.tolerance
     errors, problems, energy_share = error_of_joint(*given)
+    if errors.greatest <= settings.contact.tolerance:
+        dearer = None
     found = replace(contact, errors=errors, problems=problems, light=light)
     return replace(found, energy_share=energy_share), dearer
 
@@ -285,36 +287,6 @@ def error_under(
         return _with_error(face, contact, settings)[0].errors
     lying = _lying(face, contact, load_N, settings)
     return _with_error(lying, contact.of_patch(load_N), settings)[0].errors
-
-
-def caps_hold(face: Face, contact: ContactState, load_N: float, settings: Settings) -> bool:
-    """Tell whether the caps of a pressed face are all that touches under another load.
-
-    Nothing below the plane does. What reaches above it is sunk by the contacts, or is not: so the
-    cut was found, see `certify_cut`. The caps of two maps have no place that could be looked at.
-    """
-    caps, surface = face.caps, face.conditioned.surface
-    E_star_Pa, law = contact.composite.E_star_Pa, yield_law(settings.material)
-    try:
-        reach = reachable(caps, surface, E_star_Pa, load_N, law)
-        approach_m = float(reach.curve.approach_m(load_N))
-    except ContactError:
-        return False
-    each_N = reach.curve.asperity_loads_N(approach_m)
-    loaded = each_N > 0.0
-    touching = np.flatnonzero(reach.use)[loaded]
-    if contact.rung.knows_places and not contact.use[touching].all():
-        return False
-    if reach.pairs is not None and reach.pairs.overlapping_pairs(approach_m):
-        return False  # what lies between them touches
-    plane_m = float(caps.peak_height_m[caps.usable].max()) - approach_m
-    if plane_m >= face.hills.cut_height_m:
-        return True
-    if face.label is None:
-        return False
-    spheres = np.stack([caps.x_m[touching], caps.y_m[touching], reach.curve.radius_m[loaded]])
-    of_face = surface, face.label, plane_m, spheres
-    return certify_cut(*of_face, each_N[loaded], E_star_Pa, face.hills.noise_m) == 0.0
 
 
 def knows_other_preloads(joint: Joint, contact: ContactState | None) -> bool:
@@ -441,8 +413,37 @@ def _as_chosen(
     errors = of_caps.model_errors
     if of_caps.model != light.rung.name:
         errors = ModelError.of_either(of_caps.estimates.get(light.rung.name))
-    doubts = () if of_caps.problem is None else (of_caps.problem,)
-    return replace(light, errors=errors, moved=of_caps.moved), doubts, dearer
+    doubts: tuple[Problem, ...] = () if of_caps.problem is None else (of_caps.problem,)
+    light = replace(light, errors=errors, moved=of_caps.moved)
+    if errors is None and dearer is not None:
+        light, doubts, dearer = _tried_alone(dearer, face, light, doubts, settings)
+    return light, doubts, dearer
+
+
+def _tried_alone(
+    choice: Choice,
+    face: Face,
+    light: ContactState,
+    doubts: tuple[Problem, ...],
+    settings: Settings,
+) -> tuple[ContactState, tuple[Problem, ...], Choice | None]:
+    """Return caps under a light load with the error that a dearer model finds, if that knows more.
+
+    One load of it takes far less time than all those of a joint, which may need none. The dearer
+    model is no better where it leaves open itself most of what its answers and those of caps do.
+    """
+    alone = replace(face, joint=_of_one_scan(face.joint, light.preload_N))
+    try:
+        other, _ = _pressed_as(choice, alone, settings)
+        errors = error_against(light, other)
+    except ContactError:
+        return light, doubts, choice
+    if errors is None or other.errors is None:
+        return light, doubts, choice
+    light = replace(light, errors=errors)
+    if 2.0 * other.errors.greatest < errors.greatest:
+        return light, doubts, choice
+    return light, _tried(doubts, f"may be off by {off_by(other.errors.greatest)}"), None
 
 
 def _caps_of(

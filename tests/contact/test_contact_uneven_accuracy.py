@@ -1,6 +1,6 @@
 """Errors of a joint that is pressed unevenly: each patch counts by what rests on it."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from unittest import mock
 
@@ -17,13 +17,14 @@ from capslip.contact.doubts import problems_of_share, problems_of_waves
 from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.families import families
 from capslip.contact.rung import ModelError, rung
+from capslip.contact.scaled import ScaledCurve
 from capslip.contact.uneven import side_by_side
-from capslip.contact.uneven_accuracy import shares_of_patches
+from capslip.contact.uneven_accuracy import error_against, shares_of_patches
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
-from capslip.stages import Clock
+from capslip.stages import Clock, Face
 from capslip.surface.heightmap import HeightMap
-from capslip.units import percent
+from capslip.units import off_by, percent
 from scenes import caps_map, noisy_waves
 
 E_STAR_PA = 1e11
@@ -392,6 +393,90 @@ def test_a_map_that_light_patches_want_answers_only_where_it_knows_better(
     assert one.code == needed.code
     assert one.message == f"they are needed; the map was pressed as well, and {said}"
     assert "average several scans" in one.step
+
+
+def test_caps_are_off_by_what_lies_between_them_and_a_dearer_model_and_by_what_that_leaves():
+    """Of a sphere whose withdrawal is 5 % greater, and which loses 20 % more."""
+    d, drop_N = SPHERE.approach_m(8.0), np.array([0.8, 2.0, 4.0])
+    dearer = ScaledCurve(SPHERE, 1.0, withdrawal=1.05, loss=1.2)
+    left = ModelError(0.01, 0.4, ((0.1, 0.4), (0.25, 0.1), (1.0, 0.02)))
+    caps, other = (state_of(preload_N=8.0, curve=one) for one in (SPHERE, dearer))
+    assert error_against(caps, replace(other, errors=None)) is None
+    found = error_against(caps, replace(other, errors=left))
+    assert found.stiffness == pytest.approx(np.log(1.05) + 0.01)
+    of_loss = dearer.loss_integral_at_drop_J(d, drop_N) / SPHERE.loss_integral_at_drop_J(d, drop_N)
+    for share, ratio in zip((0.1, 0.25, 0.5), of_loss, strict=True):
+        assert found.energy_at(share) == pytest.approx(np.log(ratio) + left.energy_at(share))
+    assert found.energy == pytest.approx(np.log(of_loss[0]) + 0.4)
+    assert found.energy_at(1.0) == pytest.approx(np.log(1.2) + 0.02)
+    # Either may be the greater one
+    back = error_against(replace(other, errors=None), replace(caps, errors=left))
+    assert back.energy == pytest.approx(found.energy)
+
+
+@pytest.mark.parametrize(
+    ("of_map", "then"),
+    [
+        (ModelError(0.01, 0.04), "map"),  # most of what lies between them is of the caps
+        (ModelError(0.01, 0.4), f"may be off by {off_by(0.4)}"),
+        (None, "unknown"),
+        ("fails", "unknown"),
+    ],
+)
+def test_the_map_is_tried_under_the_light_load_alone_before_all_others(monkeypatch, of_map, then):
+    needed = Problem("boundary_elements_needed", "warning", "they are needed")
+    light = state_of(preload_N=1.0, curve=SPHERE, rung=rung("interacting"))
+    dearer = SimpleNamespace(
+        model="boundary_elements",
+        reason="",
+        caps=None,
+        model_errors=None,
+        problem=needed,
+        moved=None,
+        estimates={},
+    )
+    joint, _ = joint_of([1.0, 8.0], [4.0, 1.0])
+    face = Face(**dict.fromkeys((one.name for one in fields(Face)), None) | {"joint": joint})
+
+    def pressed_as(choice, face, settings):
+        assert (face.joint.preload_N, face.joint.is_scan) == (1.0, True)
+        if of_map == "fails":
+            raise ContactError("no solution")
+        return state_of(curve=ScaledCurve(SPHERE, 1.0, loss=1.1), errors=of_map), "table"
+
+    monkeypatch.setattr(pressing, "_pressed_as", pressed_as)
+    found, doubts, chosen = pressing._tried_alone(
+        *(dearer, face, light, (needed,), capslip.load_settings())
+    )
+    assert chosen is (None if then.startswith("may") else dearer)
+    if then == "unknown":
+        assert found is light
+        assert doubts == (needed,)
+        return
+    assert found.errors.energy == pytest.approx(np.log(1.1) + of_map.energy)
+    (said,) = doubts
+    if then == "map":
+        assert said is needed
+    else:
+        assert said.message == f"they are needed; the map was pressed as well, and {then}"
+
+
+def test_no_dearer_model_is_asked_for_where_the_joint_is_within_the_tolerance(monkeypatch):
+    """The light patch alone is beyond it: so little rests on it that it moves nothing."""
+    known, _ = states([1.0, 8.0])
+    known = [replace(one, rung=rung("interacting")) for one in known]
+    needed = Problem("boundary_elements_needed", "warning", "they are needed")
+    light = replace(known[0], errors=ModelError(0.01, 0.07))
+    monkeypatch.setattr(pressing, "_as_chosen", lambda *_: (light, (needed,), "dearer"))
+    monkeypatch.setattr(pressing, "_lying", lambda face, *_: face)
+    for weight, dearer in (([0.3, 1.0], None), ([400.0, 1.0], "dearer")):
+        joint, curve = joint_of([1.0, 8.0], weight)
+        heavy = replace(known[-1], errors=ModelError(0.01, 0.01), problems=())
+        given = SimpleNamespace(joint=joint), heavy, curve, known, capslip.load_settings()
+        found, chosen = pressing._with_errors_of_joint(*given)
+        assert chosen == dearer, found.errors
+        assert (found.errors.greatest <= 0.05) is (dearer is None)
+        assert bool(found.problems) is (dearer is not None)
 
 
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])

@@ -17,6 +17,7 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_once, analyze_scans
+from capslip.caps_hold import caps_hold
 from capslip.contact.rung import rung
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
@@ -32,7 +33,7 @@ from capslip.output.exports.law import (
     _without_level,
     deck,
 )
-from capslip.pressing import caps_hold, error_under, finding_caps_anew
+from capslip.pressing import error_under, finding_caps_anew
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of

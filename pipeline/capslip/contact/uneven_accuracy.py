@@ -219,6 +219,26 @@ def error_of_joint(
     return found, (*(one for one in problems if one.code not in again), *said), asked
 
 
+def error_against(state: ContactState, other: ContactState) -> ModelError | None:
+    """Return the error of a pressed face by that of a dearer model under the same load.
+
+    What lies between their answers and what that leaves open itself; None where nobody knows that.
+    """
+    if other.errors is None:
+        return None
+    answers = []
+    for curve in (state.curve, other.curve):
+        d = curve.approach_m(state.preload_N)
+        L = curve.loss_integral_at_drop_J(d, np.array(SHARES[:-1]) * state.preload_N)
+        answers.append(np.log(np.append(curve.stiffness_N_per_m(d), L)))
+    K, *W = np.abs(answers[1] - answers[0]).tolist()
+    W.append(W[-1])  # nothing of a face is left at gross slip: its withdrawal is, as before that
+    by_share = tuple(
+        (at, one + other.errors.energy_at(at)) for at, one in zip(SHARES, W, strict=True)
+    )
+    return ModelError(K + other.errors.stiffness, max(error for _, error in by_share), by_share)
+
+
 def by_energy(
     joint: Joint, contact: ContactState, of_state: Callable[[ContactState], float]
 ) -> float:

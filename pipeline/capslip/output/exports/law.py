@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.caps_hold import caps_hold
 from capslip.disk import hdf5_in_memory
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact, refuse_varying
-from capslip.pressing import caps_hold, error_under, finding_caps_anew
+from capslip.pressing import error_under, finding_caps_anew
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
