@@ -13,7 +13,14 @@ from capslip.surface.outliers import find_outliers
 from capslip.surface.rounding import smooth_steps
 
 SHAPE, PIXEL_M = (90, 120), (1e-4, 1.2e-4)
-WAYS = [((5, 0), (0, 0)), ((0, 2), (7, 1)), ((40, 60), (90, 20))]
+# Two of them as wide on either side, of rows or of columns alone
+WAYS = [
+    ((5, 0), (0, 0)),
+    ((0, 2), (7, 1)),
+    ((40, 60), (90, 20)),
+    ((3, 3), (0, 0)),
+    ((0, 0), (4, 4)),
+]
 
 
 def waves_m(seed, rms_m=2e-7):
