@@ -30,6 +30,7 @@ from capslip.contact.rung import ModelError, asked_of_error, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.time_needed import boundary_elements_s
 from capslip.contact.uneven_accuracy import (
+    ASKED,
     error_against,
     error_of_joint,
     error_of_patches,
@@ -90,10 +91,10 @@ def press_face(
         known, better = contact.errors, other.errors
         if better is None:
             said = "does not know how far it is off"
-        elif known is None or known.greatest > better.greatest:
+        elif known is None or known.greatest_at(ASKED) > better.greatest_at(ASKED):
             return other, other_caps, other_slip
         else:
-            said = f"may be off by {off_by(better.greatest)}"
+            said = f"may be off by {off_by(better.greatest_at(ASKED))}"
     return replace(contact, problems=_tried(contact.problems, said)), caps, slip
 
 
@@ -202,7 +203,7 @@ def _with_errors_of_joint(
         doubts = (Problem("pressures_interpolated", "warning", message),)
     given = face.joint, curve, contact, light, doubts, settings.contact.tolerance
     errors, problems, energy_share = error_of_joint(*given)
-    if errors.greatest <= settings.contact.tolerance:
+    if errors.greatest_at(ASKED) <= settings.contact.tolerance:
         dearer = None
     found = replace(contact, errors=errors, problems=problems, light=light)
     return replace(found, energy_share=energy_share), dearer
@@ -441,9 +442,10 @@ def _tried_alone(
     if errors is None or other.errors is None:
         return light, doubts, choice
     light = replace(light, errors=errors)
-    if 2.0 * other.errors.greatest < errors.greatest:
+    left = other.errors.greatest_at(ASKED)
+    if 2.0 * left < errors.greatest_at(ASKED):
         return light, doubts, choice
-    return light, _tried(doubts, f"may be off by {off_by(other.errors.greatest)}"), None
+    return light, _tried(doubts, f"may be off by {off_by(left)}"), None
 
 
 def _caps_of(
