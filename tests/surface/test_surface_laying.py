@@ -113,14 +113,55 @@ def test_points_that_are_not_measured_take_no_others_along():
     assert np.nanstd(error) < 0.4 * np.nanstd(of_line)
 
 
-def test_half_a_pixel_beyond_the_outermost_points_is_as_high_as_they_are():
+def test_half_a_pixel_beyond_the_outermost_points_a_plane_goes_on():
     z = 1.0 + np.arange(12.0)[:, None] * np.ones(9)
     found = smooth_between(z, np.eye(2) * 0.5, np.array([-0.25, -0.25]), (24, 18))
-    assert np.isfinite(found).all()
-    assert found[0] == pytest.approx(np.ones(18), abs=0.1)
-    assert found[-1] == pytest.approx(12.0 * np.ones(18), abs=0.1)
+    plane = 0.75 + 0.5 * np.arange(24.0)[:, None] * np.ones(18)
+    np.testing.assert_allclose(found, plane, atol=1e-6)
     aside = smooth_between(z, ACROSS, np.array([0.7, 0.0]), (12, 9))
     np.testing.assert_array_equal(np.isnan(aside[:, 4]), [False] * 11 + [True])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("lost", [False, True])
+def test_waves_go_on_to_the_edge_of_a_map_and_of_its_holes(lost, turned):
+    """As high as the outermost points they were up to a fifth of their rms off, for four lines."""
+    points = 300, 400
+    z = 1e6 * face_of(waves_m, SHAPE, D_M).height_m
+    true = 1e6 * face_of(waves_m, points, 0.5 * D_M).height_m
+    if lost:
+        z[60:90, 80:120] = np.nan
+    if turned:
+        z, true, points = z.T, true.T, points[::-1]
+    found = smooth_between(z, 0.5 * ACROSS, np.array([-0.25, -0.25]), points)
+    found, true = (one.T if turned else one for one in (found, true))
+    edges = (found - true)[:8], (found - true)[-8:], (found - true)[:, :8], (found - true)[:, -8:]
+    assert max(np.sqrt(np.mean(one**2)) for one in edges) < 0.002
+    if lost:
+        around = (found - true)[112:188, 152:248]
+        assert np.isnan(around[8:-8, 8:-8]).all()
+        assert np.sqrt(np.nanmean(around**2)) < 0.005
+
+
+def test_what_is_rough_and_what_a_pit_or_a_step_ends_goes_on_nowhere():
+    """A line through two such points would rise beyond the edge, and the face would bear there."""
+    rng = np.random.default_rng(24700)
+    noise = rng.standard_normal(SHAPE)
+    found = smooth_between(noise, 0.5 * ACROSS, np.array([-0.25, -0.25]), (300, 400))
+    assert found[0].std() < 1.05 * noise[0].std()
+    z = 1e6 * face_of(waves_m, SHAPE, D_M).height_m
+    z[1, 20] -= 30.0
+    z[:2, 60] -= 30.0
+    z[:3, 90:110] += 30.0
+    straight = straight_between(z, 0.5 * ACROSS, np.array([-0.25, -0.25]), (300, 400))
+    found = smooth_between(z, 0.5 * ACROSS, np.array([-0.25, -0.25]), (300, 400))
+    assert (found - straight)[:1].max() < 0.3
+
+
+def test_a_map_of_few_points_is_laid():
+    z = np.random.default_rng(24701).standard_normal((3, 4))
+    found = smooth_between(z, 0.5 * ACROSS, np.array([-0.25, -0.25]), (6, 8))
+    assert np.abs(found).max() < 2.0 * np.abs(z).max()
 
 
 def test_a_face_on_more_points_has_its_waves_its_sides_and_the_noise_that_is_left():

@@ -7,12 +7,17 @@ import numpy as np
 
 from capslip.surface.between import Between
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import SPLINE_DEGREE, noise_laid, noise_of_map_m
+from capslip.surface.noise import MEDIAN_OF_NORMAL, SPLINE_DEGREE, noise_laid, noise_of_map_m
 from capslip.surface.rows import row_blocks
 
 LEAST_MEASURED = 0.5
 WHOLE_PIXELS = 1e-9
 FILLED_RINGS = 16  # of points not measured: of what lies beyond, 0.43^16 reaches a spline
+LEADING = 6  # differences from point to point that tell the next
+UNLIKE = 4.0  # standard deviations: a difference that is more is of a step, a pit or a spike
+NORMAL_95 = 1.96  # 95 % of |x| over the standard deviation
+ASKED = 1_000_000  # points, of which it is asked how differences lead on
+ROUNDING = 1e-20  # of the squares of differences: what is led on to exactly leaves no more
 FAR_FROM_STRAIGHT = 6.0  # rms of noise: white noise does not bend a spline so far
 LOOKED_AT = 60_000  # points, at which splines are compared: 1 % of an rms
 OF_NOISE = 250  # points along the sides of white noise, that tells to 1 % what it does to them
@@ -75,9 +80,9 @@ def smooth_between(
     -------
     float64, of that shape
         NaN where `straight_between` has them. Points that are not measured are filled first, from
-        those around them, and the spline goes on beyond the outermost points as high as they are.
-        Beside a step, where it overshoots by an eighth of the step, it is held between the straight
-        line and what the points on either side lead to.
+        those around them, and the spline goes on beyond the outermost points as their differences
+        do, see `_filled`. Beside a step, where it overshoots by an eighth of the step, it is held
+        between the straight line and what the points on either side lead to.
     """
     if on_points(matrix, offset):
         return straight_between(height_m, matrix, offset, shape)
@@ -199,24 +204,66 @@ def on_points(matrix: np.ndarray, offset: np.ndarray) -> bool:
 
 
 def _filled(height_m: np.ndarray) -> np.ndarray:
-    """Fill what is not measured from its neighbours, ring by ring, in place; far away by zero."""
+    """Fill what is not measured from its neighbours, ring by ring, in place; far away by zero.
+
+    From each side as the last differences lead on; as high as the neighbour where one of these is
+    unlike the others of the map, or not known.
+    """
     from scipy.ndimage import binary_dilation
 
     known = ~np.isnan(height_m)
+    led_on = [_leading(height_m if axis == 1 else height_m.T) for axis in (0, 1)]
     height_m[~known] = 0.0
     last = np.reshape(height_m.shape, (2, 1)) - 1
+    behind = np.arange(1, LEADING + 2)
     for _ in range(FILLED_RINGS):
         ring = np.nonzero(binary_dilation(known) & ~known)
         if ring[0].size == 0:
             break
         sum_m, n = np.zeros(ring[0].size), np.zeros(ring[0].size)
         for step in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-            beside = tuple(np.clip(np.add(ring, np.reshape(step, (2, 1))), 0, last))
-            sum_m += height_m[beside]  # zero where unknown
-            n += known[beside]
+            ways = np.multiply.outer(step, behind)[:, :, None] + np.reshape(ring, (2, 1, -1))
+            beside = tuple(np.clip(ways, 0, last[:, None]))
+            z_m, there = height_m[beside], known[beside]
+            over_m = z_m[:-1] - z_m[1:]
+            weight, most_m = led_on[step[0] == 0]
+            leads = (np.abs(over_m) <= most_m).all(axis=0) & there.all(axis=0)
+            sum_m += np.where(there[0], z_m[0] + leads * (weight @ over_m), 0.0)
+            n += there[0]
         height_m[ring] = sum_m / n
         known[ring] = True
     return height_m
+
+
+def _leading(line_m: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return what the last differences along lines count in the next one, and the most of one.
+
+    By least squares forth and back, after Burg (Childers, Modern Spectrum Analysis, IEEE 1978),
+    which leads to nothing that grows: of a plane the last one counts whole, waves go on as they
+    are, and what is rough from point to point is led on to nowhere.
+    """
+    line_m = line_m[:: max(1, line_m.size // ASKED)]
+    over_m = np.diff(line_m, axis=1)
+    size_m = np.abs(over_m[~np.isnan(over_m)])
+    weight, most_m = np.zeros(LEADING), 0.0
+    if size_m.size:
+        of_most_m = float(np.quantile(size_m, 0.95)) / NORMAL_95
+        most_m = UNLIKE * max(float(np.median(size_m)) / MEDIAN_OF_NORMAL, of_most_m)
+    over_m[~(np.abs(over_m) <= most_m)] = np.nan
+    forth_m = back_m = over_m
+    least_m2 = ROUNDING * np.nansum(np.square(over_m))
+    for n in range(LEADING):
+        forth_m, back_m = forth_m[:, 1:], back_m[:, :-1]
+        both = ~np.isnan(forth_m + back_m)
+        one_m, other_m = forth_m[both], back_m[both]
+        size_m2 = float(one_m @ one_m + other_m @ other_m)
+        if size_m2 <= least_m2:
+            break
+        share = 2.0 * float(one_m @ other_m) / size_m2
+        weight[:n] -= share * weight[:n][::-1]
+        weight[n] = share
+        forth_m, back_m = forth_m - share * back_m, back_m - share * forth_m
+    return weight, most_m
 
 
 def _most_bent(height_m: np.ndarray, place: np.ndarray) -> np.ndarray:
