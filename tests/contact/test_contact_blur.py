@@ -205,7 +205,7 @@ def test_caps_say_what_the_optics_took_off_them():
 def test_caps_do_not_answer_for_a_map_because_both_are_blurred():
     of_blur = Problem("resolution_decides", "warning", "")
     of_detail = Problem("detail_decides", "warning", "")
-    errors = ModelError(0.05, 0.5, ((0.1, 0.5), (1.0, 0.4)), blur=(0.03, 0.3))
+    errors = ModelError(0.05, 0.5, ((0.25, 0.5), (1.0, 0.4)), blur=(0.03, 0.3))
     assert _by_detail(errors, (of_blur,)) == 0.0
     assert _by_detail(errors, (of_blur, of_detail)) == pytest.approx(0.4)
     less = errors.without_blur

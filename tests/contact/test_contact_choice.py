@@ -14,17 +14,20 @@ from capslip.caps.table import CapFlag
 from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.bulk import without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
-from capslip.contact.choice import choose_model, estimate_error
+from capslip.contact.choice import Choice, choose_model, estimate_error
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import interacting
-from capslip.contact.rung import Scene, ladder
+from capslip.contact.press import _by_detail
+from capslip.contact.rung import ModelError, Scene, ladder
 from capslip.contact.slip import slip_curve
 from capslip.contact.time_needed import boundary_elements_s
 from capslip.errors import ContactError
+from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.chart.reference import ENERGIES, numbers_of, reference
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers import load_surface
 from scenes import caps_map
 
 E_STAR_PA = composite((200e9, 200e9), (0.3, 0.3)).E_star_Pa
@@ -406,3 +409,33 @@ def test_a_burr_on_the_flank_of_a_hill_is_not_missed():
         return analysis.answer.energy_J
 
     assert energy_J(1) == pytest.approx(energy_J(2, model="boundary_elements"), rel=0.02)
+
+
+@pytest.mark.parametrize(("at_a_quarter", "answers"), [(0.61, False), (0.9, True)])
+def test_caps_answer_for_a_map_where_they_know_more_from_a_quarter_of_gross_slip_on(
+    at_a_quarter, answers
+):
+    """Of a tenth a map of metal knows next to nothing, and nobody doubts it for that alone."""
+    of_caps = ModelError(0.22, 1.23, ((0.1, 0.86), (0.5, 0.86), (1.0, 0.12)))
+    given = {}, np.zeros(0, dtype=bool), 0.1
+    caps = Choice("interacting", "", 1.23, *given, errors=of_caps)
+    whole = Choice("boundary_elements", "", None, *given, of_the_map=True, caps=caps)
+    of_map = ModelError(0.06, 1.41, ((0.1, 1.41), (0.25, at_a_quarter), (1.0, 0.05)))
+    error = _by_detail(of_map, (Problem("detail_decides", "warning", ""),))
+    assert whole.caps_within(error) == (caps if answers else None)
+    one_error = replace(whole, caps=replace(caps, errors=None))
+    assert one_error.caps_within(1.24) == one_error.caps
+    assert one_error.caps_within(1.23) is None
+
+
+@pytest.mark.long
+@pytest.mark.scans
+def test_a_real_map_of_metal_is_not_lost_to_caps_that_know_less(scans):
+    """Its caps touch wider than any hardness holds: they failed, and knew 4 to 7 times less."""
+    whole = load_surface(scans / "ski_base_stone_ground_alicona.x3p")
+    part = HeightMap(np.array(whole.height_m[300:500, 300:500]), whole.pixel_size_m)
+    given = ("contact.nominal_pressure_Pa=2e6", "material.preset=steel")
+    found = analyze(part, load_settings(overrides=given))
+    assert found.contact.rung.made_from == "map"
+    assert found.status == "check"
+    assert found.contact.errors.stiffness < 0.1

@@ -56,10 +56,18 @@ class Choice:
         """By the force where noise makes them, else one for all; None: not known."""
         return self.errors if self.of_noise else ModelError.of_either(self.estimated_error)
 
+    @property
+    def errors_by_force(self) -> ModelError | None:
+        """By the force where that is known, else one for all; None: not known."""
+        return self.errors or ModelError.of_either(self.estimated_error)
+
     def caps_within(self, error: float) -> "Choice | None":
-        """Return the choice among the caps where its error is known and smaller than one."""
-        known = None if self.caps is None else self.caps.estimated_error
-        return self.caps if known is not None and known < error else None
+        """Return the choice among the caps where its error is known and smaller than one.
+
+        Both from a quarter of mu N on: below, a map knows little of what lets go of its pixels.
+        """
+        known = None if self.caps is None else self.caps.errors_by_force
+        return self.caps if known is not None and known.greatest_at(ASKED) < error else None
 
     @property
     def problem(self) -> Problem | None:

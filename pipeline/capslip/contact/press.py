@@ -349,11 +349,11 @@ def _eccentricity_m(found: Contacts, scene: Scene) -> tuple[float, float] | None
 def _by_detail(errors: ModelError | None, doubts: tuple[Problem, ...]) -> float:
     """Return the error of a map whose detail decides, 0 where it does not, or none is known.
 
-    Without that of its optics: caps leave as much.
+    From a quarter of mu N on, as what is doubted, without that of its optics: caps leave as much.
     """
     if errors is None or not _ask_caps(doubts):
         return 0.0
-    return errors.without_blur.greatest
+    return errors.without_blur.greatest_at(ASKED)
 
 
 def _by_caps(
@@ -371,7 +371,7 @@ def _by_caps(
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
     error = choice.estimated_error or 0.0  # it is known, see `Choice.caps_within`
-    errors = choice.errors or ModelError(error, error)
+    errors = choice.errors_by_force or ModelError(error, error)
     asked = errors.greatest_at(ASKED)
     said = f"; so caps answer, which average over it and may be off by {percent(error)}"
     within = asked <= settings.contact.tolerance < error
@@ -382,8 +382,9 @@ def _by_caps(
         for one in (one for one in doubts if one.code != BLURRED)
     ]
     reason = (
-        f"{choice.why}, but the map itself by {percent(error_of_map)}, as its finest detail "
-        "decides: caps average over it"
+        f"{choice.why}, and by {percent(asked)} from {percent(ASKED)} of gross slip on, but the "
+        f"map itself by {percent(error_of_map)} there, as its finest detail decides: caps average "
+        "over it"
     )
     known = replace(state, errors=errors, moved=choice.moved)
     return replace(known, model_reason=reason, problems=(*problems, *state.problems)), caps
