@@ -435,6 +435,21 @@ def test_no_two_scans_are_one_whichever_they_are_and_however_they_are_levelled(m
         average([a, again, c, b])
 
 
+@pytest.mark.parametrize("offset_m", [0.0, 2e-6])
+def test_a_scan_that_was_stored_with_seven_digits_as_well_is_one_scan(offset_m):
+    """It had a noise of 30 fm, which the mean knew as its own."""
+    a = named(HeightMap(scans_of(waves(), 1)[0].height_m + offset_m, PIXEL_M), "a")
+    stored_m = a.height_m.astype(np.float32).astype(np.float64)
+    assert not np.array_equal(stored_m, a.height_m)
+    with pytest.raises(SettingsError, match=r"^a and b: hold the same heights"):
+        average([a, named(HeightMap(stored_m, PIXEL_M), "b")])
+    codes = [
+        replace(one, height_m=np.where(X + Y > -1.9, one.height_m, 1.0))
+        for one in scans_of(waves(), 2)
+    ]
+    assert average(codes).noise_m == pytest.approx(NOISE_M, rel=0.05)  # of bad codes, not of these
+
+
 def test_half_of_the_variance_is_in_scans_of_one_place():
     face_m = remove_form(HeightMap(waves(), PIXEL_M), "quadratic")[0].height_m
     less_m, more_m = 0.8 * face_m.std(), 1.25 * face_m.std()  # 0.39 and 0.61 of the variance

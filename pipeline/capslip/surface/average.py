@@ -144,7 +144,7 @@ def average(scans: Sequence[HeightMap]) -> Average:
     face_m2 = _face_m2(HeightMap(first_m, scans[0].pixel_size_m))
     for scan, one in zip(scans[1:], apart, strict=True):
         _check_place(scans[0], scan, face_m2, one)
-    _refuse_copies(scans, noise_m, face_m2)
+    _refuse_copies(scans, noise_m)
     spikes = _leave_out_spikes(level_m, noise_m)
     form_m, error_m = mean_form_m([one.form_m for one in apart])
     origin = replace(scans[0].origin, mean_of=tuple(x for one in scans for x in lines_of(one)))
@@ -425,11 +425,11 @@ def _face_m2(face: HeightMap) -> float:
     return float(np.nanmean(np.square(remove_form(face, "quadratic")[0].height_m)))
 
 
-def _refuse_copies(scans: Sequence[HeightMap], noise_m: np.ndarray, face_m2: float) -> None:
-    """Refuse scans of which any two hold the same heights: they have their noise in common."""
+def _refuse_copies(scans: Sequence[HeightMap], noise_m: np.ndarray) -> None:
+    """Refuse scans of which any two hold the same heights, or the same seven digits of them."""
     for (one, one_m), (other, other_m) in combinations(zip(scans, noise_m, strict=True), 2):
-        off_m = np.abs(other_m - one_m)
-        if np.fmax.reduce(off_m, axis=None) <= ROUNDING * math.sqrt(face_m2):
+        range_m = np.ptp(np.nanquantile(one.height_m, (0.01, 0.99)))
+        if np.fmax.reduce(np.abs(other_m - one_m), axis=None) <= ROUNDING * range_m:
             raise SettingsError(
                 f"{one.origin.name} and {other.origin.name}: hold the same heights; expected two "
                 "scans of one place"
