@@ -462,6 +462,21 @@ def test_one_valley_is_as_wide_as_least_squares_have_it():
     assert not wider
 
 
+@pytest.mark.parametrize("slope", [-1.0, -0.3, 0.4])
+def test_others_that_fit_as_well_tell_how_friction_and_preload_go_together(slope):
+    """Along one line ln mu = slope ln N0, which is far longer than the points leave beside it."""
+    jacobian = np.random.default_rng(7).normal(size=(12, 2)) * 1e3
+    of_points, condition = of_least_squares(jacobian, 1.0)
+    assert condition == pytest.approx(np.linalg.cond(jacobian))
+    apart = np.outer([-2.0, -1.0, 0.5, 1.0], [slope, 1.0])
+    found, wider = holding(of_points, apart, np.zeros((2, 2)))
+    assert wider
+    np.testing.assert_allclose(found.log_std[:2], [abs(2.0 * slope), 2.0], rtol=1e-3)
+    assert found.log_std[2] < 1e-2
+    assert found.exponent == pytest.approx(-slope)
+    assert found.correlation == pytest.approx(np.sign(slope), abs=1e-3)
+
+
 def test_the_preload_that_was_given_is_among_those_that_are_tried():
     """Of a map that pixels decide all others may be off, though one step away."""
 
