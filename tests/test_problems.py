@@ -655,6 +655,7 @@ def test_a_problem_is_not_said_where_its_cause_is_taken_away(row):
     assert row.code not in {problem.code for problem in found.problems}
 
 
+@pytest.mark.long
 def test_the_interval_names_the_warnings_that_it_does_not_hold():
     """A bow that decides would be another face; what detail decides is in the error of the map."""
 

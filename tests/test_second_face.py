@@ -62,6 +62,7 @@ def test_holes_that_are_void_hide_nothing_in_either_map():
     assert "hole_may_hide_hills" not in doubted(face(21610), bad, "joint.non_measured=void")
 
 
+@pytest.mark.long
 def test_the_sum_of_faces_on_unlike_points_answers_as_the_sum_of_their_waves():
     """What touches at the edge of a map lies beside its outermost points: W was 15 % off."""
 

@@ -255,6 +255,7 @@ def test_uncertainty_is_the_spread_over_repeated_measurements(model, gross_m):
     assert 0.6 < spread / claimed < 1.6
 
 
+@pytest.mark.long
 def test_monolithic_share_does_not_bias_the_identification(model, gross_m):
     v_m = np.geomspace(0.05, 0.95, 25) * gross_m
     monolithic = Measurement(v_m[[0, -1]] * [0.9, 1.1], np.array([2e-3, 2e-3]))
@@ -566,6 +567,7 @@ def of_pixels(model, share):
     return replace(model, least_share=lambda preload_N: share * (preload_N / PRELOAD_N) ** 0.1)
 
 
+@pytest.mark.long
 def test_what_the_model_does_not_resolve_is_left_out_of_the_fit(model, gross_m):
     """As if it had not been measured: in what is found, in its uncertainty, and it is said."""
     v_m = np.geomspace(0.01, 0.95, 25) * gross_m

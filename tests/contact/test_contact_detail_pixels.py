@@ -216,6 +216,7 @@ def test_a_few_points_that_let_go_leave_what_others_tell_of_metal(monkeypatch):
     assert errors.energy_at(0.25) == pytest.approx(PIXELS_95[0.25] * 5.0, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_thinned_map_that_does_not_carry_the_load_tells_nothing(monkeypatch):
     given = asked_of_half()
 

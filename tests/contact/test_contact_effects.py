@@ -119,6 +119,7 @@ def test_what_of_a_contact_was_not_measured_carries_nothing():
     assert load_seen(np.array([0.0]), at[:1], a[:1], whole) == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.long
 @ON_FEWER
 def test_a_cap_of_which_half_the_contact_was_not_measured_moves_more_than_a_map_without_that_half():
     """Left out as a whole it would move the stiffness by 28 % and the energy by 67 %."""

@@ -528,6 +528,7 @@ RF
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("of", ["written", "of_two"])
 def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
     """Two stiff blocks of 10 mm: the table by straight lines, then the stick slope."""

@@ -301,6 +301,7 @@ def test_the_true_answer_is_that_of_the_spheres_wherever_the_face_is_turned_to()
     assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-5)
 
 
+@pytest.mark.long
 def test_three_true_caps_nearly_on_one_line_are_balanced():
     """A turn moves their places more than their loads: turn after turn swung to 10 % in energy."""
     (axis,) = (one for one in axes(260) if one.name == "few caps")

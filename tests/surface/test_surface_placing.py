@@ -48,6 +48,7 @@ def test_moves_grow_as_what_is_not_common_and_do_not_know_the_units():
     np.testing.assert_allclose(np.abs(moves_of(*longer)), np.abs(moves) * [4, 4, 1], rtol=1e-9)
 
 
+@pytest.mark.long
 def test_places_of_worn_pairs_are_off_as_far_as_is_said():
     """Half of the pairs lie within a third of what is said, and hardly one beyond."""
     distances = []
