@@ -38,6 +38,7 @@ from capslip.contact.uneven_accuracy import (
     out_of_time,
     problems_of_levels,
     problems_of_patches,
+    stiffness_and_energies,
 )
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import BothFailError, ContactError
@@ -156,12 +157,9 @@ def finding_caps_anew(face: Face, contact: ContactState, settings: Settings) -> 
 
 def _alike(kept: ContactState, anew: ContactState, load_N: float) -> bool:
     """Tell whether two states answer alike under a load, in stiffness and energies."""
-    answers = []
-    for curve in (one.of_patch(load_N).curve for one in (kept, anew)):
-        d, drop_N = curve.approach_m(load_N), np.array(ASKED_OF_CAPS) * load_N
-        K, L = curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N)
-        answers.append(np.append(K, L))
-    return bool(np.abs(answers[1] / answers[0] - 1.0).max() <= SAME_CAPS)
+    curves = (one.of_patch(load_N).curve for one in (kept, anew))
+    was, found = (stiffness_and_energies(one, load_N, ASKED_OF_CAPS) for one in curves)
+    return bool(np.abs(found / was - 1.0).max() <= SAME_CAPS)
 
 
 def _with_levels(

@@ -61,10 +61,10 @@ def error_of_patches(joint: Joint, patches: Sequence[ContactState]) -> ModelErro
         return None
     kappa = joint.kappa_of(patches)
     curve = joint.curve_of(patches, kappa)
-    whole = _stiffness_and_energies(curve, joint.preload_N)
+    whole = stiffness_and_energies(curve, joint.preload_N, NEAR_SMALL)
     others = [[*patches[:i], *patches[i + 1 :]] for i in range(count - 1)]
     curves = [joint.curve_of(rest, kappa) for rest in others]
-    fewer = [_stiffness_and_energies(one, joint.preload_N) for one in curves]
+    fewer = [stiffness_and_energies(one, joint.preload_N, NEAR_SMALL) for one in curves]
     moved = np.array(fewer).reshape(-1, len(whole)) / whole - 1.0
     together, factors = np.sqrt(np.square(moved).sum(axis=0)), LEFT_95
     if joint.most_solved < FEW_SOLVED:
@@ -219,6 +219,14 @@ def error_of_joint(
     return found, (*(one for one in problems if one.code not in again), *said), asked
 
 
+def stiffness_and_energies(
+    curve: NormalCurve, preload_N: float, shares: Sequence[float]
+) -> np.ndarray:
+    """Return the stiffness, and what goes with the energies at shares of mu N, (1 + s,)."""
+    d, drop_N = curve.approach_m(preload_N), np.array(shares) * preload_N
+    return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
+
+
 def error_against(state: ContactState, other: ContactState) -> ModelError | None:
     """Return the error of a pressed face by that of a dearer model under the same load.
 
@@ -226,13 +234,10 @@ def error_against(state: ContactState, other: ContactState) -> ModelError | None
     """
     if other.errors is None:
         return None
-    answers = []
-    for curve in (state.curve, other.curve):
-        d = curve.approach_m(state.preload_N)
-        L = curve.loss_integral_at_drop_J(d, np.array(SHARES[:-1]) * state.preload_N)
-        answers.append(np.log(np.append(curve.stiffness_N_per_m(d), L)))
-    K, *W = np.abs(answers[1] - answers[0]).tolist()
-    W.append(W[-1])  # nothing of a face is left at gross slip: its withdrawal is, as before that
+    N, shares = state.preload_N, SHARES[:-1]
+    answers, others = (stiffness_and_energies(one.curve, N, shares) for one in (state, other))
+    K, *W = np.abs(np.log(others) - np.log(answers)).tolist()
+    W.append(W[-1])  # at gross slip as before it: a map may not be followed until nothing touches
     by_share = tuple(
         (at, one + other.errors.energy_at(at)) for at, one in zip(SHARES, W, strict=True)
     )
@@ -316,12 +321,6 @@ def _of_light(joint: Joint, curve: NormalCurve, patches: Sequence[ContactState])
     light = joint.load_N < (1.0 - 1e-9) * patches[0].preload_N
     missing = np.array([stiffness, *energy])[:, light].sum(axis=1)
     return np.maximum(-np.log1p(-np.minimum(missing, MOST_MISSING)), carried)
-
-
-def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
-    """Return the stiffness, and what goes with the energies near a tenth and a quarter of mu N."""
-    d, drop_N = curve.approach_m(preload_N), np.array(NEAR_SMALL) * preload_N
-    return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
 
 
 def _rests_on(joint: Joint, most_N: float, stiffness: np.ndarray, energy: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from capslip.surface.filling import from_nearest
 from capslip.surface.flatness import mean_form_m
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, check_maps
-from capslip.surface.noise import MEDIAN_OF_NORMAL, white_noise_of_scans_m
+from capslip.surface.noise import MEDIAN_OF_NORMAL, deviation_m, white_noise_of_scans_m
 from capslip.surface.repeats import lines_of, refuse_shared
 from capslip.surface.shifts import match_by_shift
 from capslip.units import percent
@@ -25,7 +25,6 @@ LEAST_BLOCKS = 8  # along each side of a map that tells a place
 MAX_STEPS, LONGEST_STEP = 20, 2.0  # blocks
 SAMPLES = 200_000  # points that a place is fitted to
 FAR = 6.0  # standard deviations: points farther off have no say in a fit
-NORMAL_95 = 1.96  # 95 % of |x| over the standard deviation
 SAME_PIXEL, ROUNDING = 1e-3, 1e-7  # relative
 LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
@@ -342,9 +341,8 @@ def _near_noise(noise_m: np.ndarray) -> np.ndarray:
 
 
 def _near(off_m: np.ndarray) -> np.ndarray:
-    """Tell which points are no farther off than noise is; of rounded heights half may be exact."""
-    deviation_m = max(np.median(off_m) / MEDIAN_OF_NORMAL, np.quantile(off_m, 0.95) / NORMAL_95)
-    near: np.ndarray = off_m <= FAR * deviation_m
+    """Tell which points are no farther off than noise is."""
+    near: np.ndarray = off_m <= FAR * deviation_m(off_m)
     return near
 
 
@@ -427,8 +425,9 @@ def _face_m2(face: HeightMap) -> float:
 
 def _refuse_copies(scans: Sequence[HeightMap], noise_m: np.ndarray) -> None:
     """Refuse scans of which any two hold the same heights, or the same seven digits of them."""
-    for (one, one_m), (other, other_m) in combinations(zip(scans, noise_m, strict=True), 2):
-        range_m = np.ptp(np.nanquantile(one.height_m, (0.01, 0.99)))
+    ranges_m = [np.ptp(np.nanquantile(one.height_m, (0.01, 0.99))) for one in scans]
+    each = zip(scans, noise_m, ranges_m, strict=True)
+    for (one, one_m, range_m), (other, other_m, _) in combinations(each, 2):
         if np.fmax.reduce(np.abs(other_m - one_m), axis=None) <= ROUNDING * range_m:
             raise SettingsError(
                 f"{one.origin.name} and {other.origin.name}: hold the same heights; expected two "

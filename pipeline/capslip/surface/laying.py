@@ -7,7 +7,7 @@ import numpy as np
 
 from capslip.surface.between import Between
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import MEDIAN_OF_NORMAL, SPLINE_DEGREE, noise_laid, noise_of_map_m
+from capslip.surface.noise import SPLINE_DEGREE, deviation_m, noise_laid, noise_of_map_m
 from capslip.surface.rows import row_blocks
 
 LEAST_MEASURED = 0.5
@@ -15,7 +15,6 @@ WHOLE_PIXELS = 1e-9
 FILLED_RINGS = 16  # of points not measured: of what lies beyond, 0.43^16 reaches a spline
 LEADING = 6  # differences from point to point that tell the next
 UNLIKE = 4.0  # standard deviations: a difference that is more is of a step, a pit or a spike
-NORMAL_95 = 1.96  # 95 % of |x| over the standard deviation
 ASKED = 1_000_000  # points, of which it is asked how differences lead on
 ROUNDING = 1e-20  # of the squares of differences: what is led on to exactly leaves no more
 FAR_FROM_STRAIGHT = 6.0  # rms of noise: white noise does not bend a spline so far
@@ -247,8 +246,7 @@ def _leading(line_m: np.ndarray) -> tuple[np.ndarray, float]:
     size_m = np.abs(over_m[~np.isnan(over_m)])
     weight, most_m = np.zeros(LEADING), 0.0
     if size_m.size:
-        of_most_m = float(np.quantile(size_m, 0.95)) / NORMAL_95
-        most_m = UNLIKE * max(float(np.median(size_m)) / MEDIAN_OF_NORMAL, of_most_m)
+        most_m = UNLIKE * deviation_m(size_m)
     over_m[~(np.abs(over_m) <= most_m)] = np.nan
     forth_m = back_m = over_m
     least_m2 = ROUNDING * np.nansum(np.square(over_m))

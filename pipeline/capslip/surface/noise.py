@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from capslip.settings import Settings
 
 MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
+NORMAL_95 = 1.96  # 95 % of |x| over the standard deviation
 SAMPLES = 60_000  # of the whole map: enough for the median
 SPLINE_DEGREE = 5  # by which maps are laid on other points
 SPLINE_REACH = 48  # coefficients beyond are below 1e-16
@@ -61,6 +62,15 @@ def rms_of_noise_m(difference_m: np.ndarray) -> float:
     if difference_m.size == 0:
         return 0.0
     return float(np.median(difference_m)) / (6.0 * MEDIAN_OF_NORMAL)
+
+
+def deviation_m(off_m: np.ndarray) -> float:
+    """Return the standard deviation that lengths |x| tell, whatever the outermost of them are.
+
+    By their median or by 95 % of them, the greater: of rounded heights half may be exact.
+    """
+    of_most_m = float(np.quantile(off_m, 0.95)) / NORMAL_95
+    return max(float(np.median(off_m)) / MEDIAN_OF_NORMAL, of_most_m)
 
 
 def noise_of_map_m(height_m: Heights) -> float:
