@@ -370,8 +370,9 @@ def _by_caps(
     """
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
-    error = choice.estimated_error or 0.0  # it is known, see `Choice.caps_within`
-    errors = choice.errors_by_force or ModelError(error, error)
+    error, errors = choice.estimated_error, choice.errors_by_force
+    assert error is not None  # see `Choice.caps_within`
+    assert errors is not None
     asked = errors.greatest_at(ASKED)
     said = f"; so caps answer, which average over it and may be off by {percent(error)}"
     within = asked <= settings.contact.tolerance < error
