@@ -27,7 +27,27 @@ def test_what_all_scans_have_is_told_once_and_the_rest_with_its_scan():
         [scan("a", few, SPIKES, steps, *asked), scan("b", few, other, *asked), scan("c", few)]
     )
     assert [(one.code, one.message) for one in found] == [
-        ("seams", "x"), ("spikes", "a: nine"), ("heights_in_steps", "a: x"), ("spikes", "b: ten")
+        ("seams", "x"), ("spikes", "a (and 1 more scan): nine"), ("heights_in_steps", "a: x")
+    ]  # fmt: skip
+
+
+def test_what_several_scans_have_is_told_of_the_one_where_it_moves_most():
+    def seen(energy):
+        return replace(SPIKES, message=f"{energy}", effect=Effect(None, energy, energy))
+
+    twice = (seen(0.1), seen(0.7))  # a scan may have two of one kind
+    note = Problem("seams", "info", "y")
+    failed = Problem("contact_failed", "error", "too much")
+    found = analysis._of_scans(
+        [
+            scan("a", *twice, note, failed),
+            scan("b", seen(0.3), replace(note, severity="warning")),
+            scan("c", seen(0.2), failed),
+        ]
+    )
+    assert [(one.severity, one.message) for one in found] == [
+        ("warning", "b (and 2 more scans): 0.3"), ("warning", "a: 0.7"), ("info", "a: y"),
+        ("error", "a: too much"), ("warning", "b: y"), ("error", "c: too much"),
     ]  # fmt: skip
 
 

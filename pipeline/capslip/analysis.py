@@ -1,5 +1,6 @@
 """One analysis: the stages, what makes their numbers doubtful, and the result."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -319,17 +320,29 @@ def _joint(parts: Sequence[Part]) -> Joint:
 
 
 def _of_scans(scans: Sequence[Analysis]) -> list[Problem]:
-    """Return the problems of several scans: those of all once, the others with their scan."""
-    found: list[Problem] = []
+    """Return the problems of several scans: each kind once, of the scan where it moves most.
+
+    Its message says which scan that is and how many more have it, but where all say the same. Each
+    scan keeps its own, see `scan_table`; what leaves one without an answer is told of each.
+    """
+    of_kind: dict[tuple[str, str, str, int], list[tuple[str, Problem]]] = {}
     for scan in scans:
+        times: Counter[tuple[str, str]] = Counter()
         for problem in scan.problems:
             if problem.code in ASKED_OF_THE_JOINT:
                 continue
-            if not all(problem in other.problems for other in scans):
-                message = f"{scan.name}: {problem.message}"
-                found.append(replace(problem, message=message))
-            elif problem not in found:
-                found.append(problem)
+            kind = problem.code, problem.severity
+            which = scan.name if problem.severity == "error" else ""
+            of_kind.setdefault((*kind, which, times[kind]), []).append((scan.name, problem))
+            times[kind] += 1
+    found: list[Problem] = []
+    for alike in of_kind.values():
+        name, worst = max(alike, key=lambda one: one[1].greatest_effect)
+        if len(alike) < len(scans) or any(one != worst for _, one in alike):
+            more = len(alike) - 1
+            scans_too = f" (and {more} more {'scan' if more == 1 else 'scans'})" if more else ""
+            worst = replace(worst, message=f"{name}{scans_too}: {worst.message}")
+        found.append(worst)
     return found
 
 

@@ -444,6 +444,16 @@ def test_waves_that_a_scan_does_not_hold_are_doubted_beyond_a_tenth_of_the_appro
 
 
 @pytest.mark.parametrize(
+    ("rms_m", "high"), [(9.9e-6, "990% of the approach: "), (9.1e-5, "91 times the approach: ")]
+)
+def test_waves_many_times_as_high_as_the_approach_are_no_percentage(rms_m, high, monkeypatch):
+    monkeypatch.setattr(doubts, "long_waves_m", lambda surface: rms_m)
+    contact = SimpleNamespace(approach_m=1e-6, approach_without_bulk_m=1e-6, light=None)
+    (found,) = problems_of_waves(joint(0.01), contact, None)
+    assert f"out of its spectrum, {high}" in found.message
+
+
+@pytest.mark.parametrize(
     ("shortest_m", "nesting_m", "why"),
     [
         (8.1e-6, None, "shorter waves drown in its noise of 3e-09 m a point"),

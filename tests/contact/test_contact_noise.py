@@ -76,6 +76,17 @@ def test_the_estimate_at_each_force_holds_what_noise_does_there(clean):
     assert stated.energy_at(0.1) > 2.0 * stated.energy_at(0.5)
 
 
+@pytest.mark.parametrize("shape", [(WAVES.shape[0], 1), (1, WAVES.shape[1])])
+def test_the_estimate_holds_what_an_instrument_adds_to_each_line(shape, clean):
+    """It is as even along a line as a face with a lay is: the rougher direction counts."""
+    lines_m = 3e-9 * np.random.default_rng(8).standard_normal(shape)
+    noisy = pressed(lines_m)
+    assert 1.5e-9 < white_noise_m(noisy.solutions.face, np.inf) < 6e-9  # of some 100 lines
+    stated, _ = error_of_map(noisy, LOAD_N, 0.05)
+    off = np.abs(losses_J(noisy) / losses_J(clean) - 1.0)
+    assert (off <= [stated.energy_at(share) for share in SHARES]).all()
+
+
 def test_a_shift_of_the_face_is_no_noise_and_a_unit_no_matter():
     """The energy of one cap is as a power of its heights: ten times as high, a tenth of the effect.
 

@@ -124,9 +124,10 @@ def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -
     )
     if share <= LONG_WAVES:
         return []
+    high = f"{share:.0f} times" if share >= 10.0 else f"{share:.0%} of"
     message = (
         f"the scan is {percent(joint.coverage)} of its joint, and waves of its length and longer "
-        f"stand {rms_m:.2g} m (rms) out of its spectrum, {share:.0%} of the approach: "
+        f"stand {rms_m:.2g} m (rms) out of its spectrum, {high} the approach: "
         "the face seems to go on in longer and higher ones, which patches of equal pressure leave "
         "out"
     )
