@@ -188,6 +188,7 @@ TABLE = [
         ("contact/doubts.py", "contact/uneven_accuracy.py"),
         ("tests/contact/test_*doubts*.py", "tests/contact/test_*uneven*.py"),
     ),
+    (("contact/families_accuracy.py",), ("tests/contact/test_*families_accuracy*.py",)),
     (("contact/steepness.py",), ("tests/contact/test_*steepness*.py",)),
     (("contact/turns.py",), ("tests/contact/test_*levelling*.py",)),
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),

@@ -136,7 +136,8 @@ def test_contacts_are_held_against_the_area_of_the_joint(share, closes):
     found = json.loads(ran.stdout)
     said = [one["message"] for one in found["problems"] if one["code"] == "face_closes"]
     assert len(said) == closes
-    assert found["status"] == ("check" if closes else "ok")
+    near = [one["code"] for one in found["problems"] if one["severity"] == "warning"]
+    assert near == ["face_closes"] * closes + ["model_doubtful"]  # so near they press each other
     start = f"{100 * share:.0f} % of the face touches under 5 contacts"
     assert all(one.startswith(start) for one in said)
 

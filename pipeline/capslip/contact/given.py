@@ -8,18 +8,22 @@ import numpy as np
 
 from capslip.caps.families import Families, Family
 from capslip.contact.curve import NormalCurve
+from capslip.contact.families_accuracy import error_of_families
 from capslip.contact.flattening import flattened_families, top_m
 from capslip.contact.joint import Joint
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.families import RUNG, contacts_of_families, curve_of
 from capslip.contact.press import ContactState, problems_of_closing, refuse_more_than_all
-from capslip.contact.rung import Contacts
+from capslip.contact.rung import Contacts, ModelError
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.contact.steepness import problems_of_steep_caps
 from capslip.errors import SettingsError
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import Settings
+from capslip.units import off_by, percent, share_of
+
+ASKED = 0.25  # of mu N, from which on an error beyond the tolerance is a problem
 
 
 def given_families(settings: Settings) -> Families:
@@ -78,6 +82,8 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
     problems = _beside_the_area(found, preload_N, settings.joint.area_m2)
+    errors = _errors(flat, preload_N, settings)
+    problems += _of_error(errors, settings)
     if found.count == 1:
         problems.append(Problem("one_contact", "warning", "one cap carries the whole preload"))
     each_N = curve.asperity_loads_N(approach_m)
@@ -93,7 +99,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     state = ContactState(
         rung=RUNG,
         model_reason="the families were given",
-        errors=None,
+        errors=errors,
         moved=None,
         preload_N=preload_N,
         approach_m=approach_m,
@@ -142,6 +148,29 @@ def _beside_the_area(found: Contacts, preload_N: float, area_m2: float | None) -
     expected = f"on a joint of {area_m2:.3g} m2; expected less; check --area, preload and units"
     refuse_more_than_all(RUNG, preload_N, found, area_m2, expected)
     return problems_of_closing(found, area_m2)
+
+
+def _errors(families: Families, preload_N: float, settings: Settings) -> ModelError | None:
+    """Return how far they may be from caps that stand somewhere; None without an area."""
+    area_m2 = settings.joint.area_m2
+    return None if area_m2 is None else error_of_families(families, area_m2, preload_N, settings)
+
+
+def _of_error(errors: ModelError | None, settings: Settings) -> list[Problem]:
+    if errors is None:
+        return []
+    energy = max(error for share, error in errors.energy_by_share if share >= ASKED)
+    if max(errors.stiffness, energy) <= settings.contact.tolerance:
+        return []
+    message = (
+        f"caps at random places on the area of the joint, which push each other apart and turn the "
+        f"face until it balances, move the stiffness by up to {off_by(errors.stiffness)} and the "
+        f"energy by up to {off_by(energy)} from {percent(ASKED)} of gross slip on: families know "
+        "no places"
+    )
+    moved = Effect(share_of(errors.stiffness), share_of(energy), share_of(energy))
+    step = "capslip analyze a scan of the face, which shows where its caps stand"
+    return [Problem("model_doubtful", "warning", message, moved, step)]
 
 
 def _of_P(families: Families, touching: np.ndarray, approach_m: float) -> list[Problem]:

@@ -1,0 +1,118 @@
+"""What families leave out: neighbours, and a face that turns, at places that nobody gave."""
+
+import math
+
+import numpy as np
+import pytest
+
+import capslip
+from capslip.analysis import analyze_families
+from capslip.contact.families_accuracy import MOST_CAPS, error_of_families
+from capslip.contact.given import given_families
+from capslip.contact.rung import ModelError
+from capslip.settings import load_settings
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+
+AREA_M2, LOAD_N = 24e-4, 300.0
+AS_IT_LIES = "contact.alignment=as_levelled"
+
+
+def asked(*overrides, m=8, n=12, radius_m=10.0, h_m=1.5e-7, load_N=LOAD_N):
+    families = {"m": m, "n": n, "radius_G_m": radius_m, "radius_P_m": radius_m, "h_m": h_m}
+    given = (f"families.{name}={value!r}" for name, value in families.items())
+    return load_settings(overrides=(*given, f"contact.preload_N={load_N!r}", *overrides))
+
+
+def error(settings, area_m2=AREA_M2):
+    return error_of_families(
+        given_families(settings), area_m2, settings.contact.preload_N, settings
+    )
+
+
+def all_of(found: ModelError) -> list[float]:
+    return [found.stiffness, *(one for _, one in found.energy_by_share)]
+
+
+@pytest.mark.parametrize("seed", [911, 912, 913])
+def test_the_error_holds_what_interacting_caps_of_a_scan_of_such_a_face_answer(seed):
+    families = (CapFamily("G", 8, 10.0), CapFamily("P", 12, 10.0, 1.5e-7))
+    surface, _ = synthetic_surface(Scene((200, 300), (2e-4, 2e-4), seed=seed, families=families))
+    model = ("contact.model=interacting", f"contact.preload_N={LOAD_N!r}")
+    scanned = capslip.analyze(surface, load_settings(overrides=model)).slip
+    given = analyze_families(asked(f"joint.area_m2={AREA_M2!r}"))
+    stated = given.contact.errors
+    off = math.log(scanned.tangential_stiffness_N_per_m / given.slip.tangential_stiffness_N_per_m)
+    assert abs(off) <= stated.stiffness
+    for share in (0.1, 0.25, 0.5):
+        force_N = share * given.slip.total_slip_force_N
+        both_J = (float(one.energy_at_force_J(force_N)) for one in (scanned, given.slip))
+        scanned_J, given_J = both_J
+        assert abs(math.log(scanned_J / given_J)) <= stated.energy_at(share)
+
+
+def test_caps_that_stand_far_apart_and_do_not_turn_leave_nothing():
+    far = error(asked(AS_IT_LIES), area_m2=1e6)
+    assert max(all_of(far)) < 2e-3
+    near = error(asked(AS_IT_LIES))
+    assert near.stiffness > 0.05
+    assert error(asked()).energy > near.energy  # that of a face which turns
+
+
+def test_the_error_knows_no_scale():
+    """Lengths ten times as great under a hundred times the load: the same pressures."""
+    one = error(asked())
+    ten = error(asked(radius_m=100.0, h_m=1.5e-6, load_N=100 * LOAD_N), 100 * AREA_M2)
+    assert all_of(ten) == pytest.approx(all_of(one), rel=1e-6)
+
+
+@pytest.mark.long
+def test_a_part_of_many_caps_stands_for_all_and_scatters_less():
+    few = asked(AS_IT_LIES, m=MOST_CAPS, n=0)
+    many = asked(AS_IT_LIES, m=16 * MOST_CAPS, n=0, load_N=16 * LOAD_N)
+    one, all_16 = error(few), error(many, 16 * AREA_M2)
+    # The mean is that of the part, the scatter a quarter: of the stiffness it is the lesser share
+    assert 0.8 * one.stiffness < all_16.stiffness < one.stiffness
+    assert all_16.energy < one.energy
+
+
+def test_it_is_not_known_of_caps_that_tip_over():
+    two = asked(m=2, n=0)
+    assert error(two) is None
+    assert error(asked(AS_IT_LIES, m=2, n=0)) is not None
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        ((), []),
+        (("joint.area_m2=24e-4",), ["model_doubtful"]),
+        (("joint.area_m2=1e6", AS_IT_LIES), []),
+    ],
+)
+def test_families_on_an_area_say_what_they_leave_out(overrides, said):
+    found = analyze_families(asked(*overrides))
+    doubtful = [one for one in found.problems if one.code == "model_doubtful"]
+    assert [one.code for one in doubtful] == said
+    assert (found.contact.errors is None) == (not overrides)
+    assert (found.band is None) == (not overrides)
+    for one in doubtful:
+        stated = found.contact.errors
+        most = max(stated.energy_at(share) for share in (0.25, 0.5, 0.75))
+        assert one.effect.tangential_stiffness == pytest.approx(math.expm1(stated.stiffness))
+        assert one.effect.energy == pytest.approx(math.expm1(most))
+        assert "scan of the face" in one.remedy
+
+
+def test_what_is_within_the_tolerance_is_no_problem():
+    stated = error(asked(AS_IT_LIES))
+    most = max(stated.stiffness, *(stated.energy_at(share) for share in (0.25, 0.5, 0.75)))
+    assert 0.05 < most < 0.9
+    for factor, said in ((0.999, True), (1.001, False)):
+        within = f"joint.area_m2={AREA_M2!r}", f"contact.tolerance={factor * most!r}"
+        found = analyze_families(asked(AS_IT_LIES, *within))
+        assert ("model_doubtful" in {one.code for one in found.problems}) == said
+
+
+def test_the_model_of_the_settings_changes_no_error():
+    given = asked("contact.model=families")
+    assert np.array_equal(all_of(error(given)), all_of(error(asked())))
