@@ -81,9 +81,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
-    problems = _beside_the_area(found, preload_N, settings.joint.area_m2)
-    errors = _errors(flat, preload_N, settings)
-    problems += _of_error(errors, settings)
+    errors, problems = _beside_the_area(found, flat, preload_N, settings)
     if found.count == 1:
         problems.append(Problem("one_contact", "warning", "one cap carries the whole preload"))
     each_N = curve.asperity_loads_N(approach_m)
@@ -141,19 +139,20 @@ def _preload_N(settings: Settings) -> float:
     return contact.nominal_pressure_Pa * area_m2
 
 
-def _beside_the_area(found: Contacts, preload_N: float, area_m2: float | None) -> list[Problem]:
-    """Return whether the joint closes, where its area is known; refuse contacts of more than it."""
+def _beside_the_area(
+    found: Contacts, flat: Families, preload_N: float, settings: Settings
+) -> tuple[ModelError | None, list[Problem]]:
+    """Return what the families leave out, and whether the joint closes, where its area is known.
+
+    Contacts of more than the area are refused.
+    """
+    area_m2 = settings.joint.area_m2
     if area_m2 is None:
-        return []
+        return None, []
     expected = f"on a joint of {area_m2:.3g} m2; expected less; check --area, preload and units"
     refuse_more_than_all(RUNG, preload_N, found, area_m2, expected)
-    return problems_of_closing(found, area_m2)
-
-
-def _errors(families: Families, preload_N: float, settings: Settings) -> ModelError | None:
-    """Return how far they may be from caps that stand somewhere; None without an area."""
-    area_m2 = settings.joint.area_m2
-    return None if area_m2 is None else error_of_families(families, area_m2, preload_N, settings)
+    errors = error_of_families(flat, area_m2, preload_N, settings)
+    return errors, problems_of_closing(found, area_m2) + _of_error(errors, settings)
 
 
 def _of_error(errors: ModelError | None, settings: Settings) -> list[Problem]:
