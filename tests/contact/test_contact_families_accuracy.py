@@ -65,6 +65,13 @@ def test_the_error_knows_no_scale():
     assert all_of(ten) == pytest.approx(all_of(one), rel=1e-6)
 
 
+def test_at_small_forces_it_stays_as_all_energies_go_with_the_cube():
+    settings = asked(f"joint.area_m2={AREA_M2!r}")
+    stated = analyze_families(settings).contact.errors
+    assert stated.energy_at(1e-9) == pytest.approx(stated.energy_at(1e-3))
+    assert stated.energy_at(1e-2) == pytest.approx(stated.energy_at(1e-3), rel=0.1)
+
+
 @pytest.mark.long
 def test_a_part_of_many_caps_stands_for_all_and_scatters_less():
     few = asked(AS_IT_LIES, m=MOST_CAPS, n=0)
@@ -96,6 +103,7 @@ def test_families_on_an_area_say_what_they_leave_out(overrides, said):
     assert (found.contact.errors is None) == (not overrides)
     assert (found.band is None) == (not overrides)
     for one in doubtful:
+        assert "apart and turn the face, move" in one.message
         stated = found.contact.errors
         most = max(stated.energy_at(share) for share in (0.25, 0.5, 0.75))
         assert one.effect.tangential_stiffness == pytest.approx(math.expm1(stated.stiffness))

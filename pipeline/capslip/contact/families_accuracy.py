@@ -17,8 +17,8 @@ from capslip.contact.solvers.yielding import first_loading_at
 from capslip.errors import ContactError
 from capslip.settings import Settings
 
-# T / (mu N) at which the energies are compared; below the least their ratio hardly changes
-FORCE_SHARES = (1e-3, 1e-2, 0.1, 0.25, 0.5, 0.75)
+FORCE_SHARES = (1e-3, 1e-2, 0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which energies are compared
+NO_SLIP = 1e-12  # of mu N: all energies go as the cube of a small force, and their ratio stays
 FROM = 0.1  # of mu N, from which on the greatest error of the energy counts
 DRAWS = 12
 MOST_CAPS = 150  # of a draw; of more, a part of the area that holds so many is pressed
@@ -79,7 +79,7 @@ def error_of_families(
     spread = math.sqrt(part) * drawn.std(axis=0, ddof=1)  # parts of a face level it out
     error = np.abs(drawn.mean(axis=0)) + _NORMAL_95 * spread
     *energy, stiffness = np.maximum(error, _LEAST).tolist()
-    by_share = tuple(zip(FORCE_SHARES, energy, strict=True))
+    by_share = ((NO_SLIP, energy[0]), *zip(FORCE_SHARES, energy, strict=True))
     return ModelError(stiffness, max(one for at, one in by_share if at >= FROM), by_share)
 
 

@@ -161,11 +161,11 @@ def _of_error(errors: ModelError | None, settings: Settings) -> list[Problem]:
     energy = max(error for share, error in errors.energy_by_share if share >= ASKED)
     if max(errors.stiffness, energy) <= settings.contact.tolerance:
         return []
+    turn = "" if settings.contact.alignment == "as_levelled" else " and turn the face"
     message = (
-        f"caps at random places on the area of the joint, which push each other apart and turn the "
-        f"face until it balances, move the stiffness by up to {off_by(errors.stiffness)} and the "
-        f"energy by up to {off_by(energy)} from {percent(ASKED)} of gross slip on: families know "
-        "no places"
+        f"caps at random places on the area of the joint, which push each other apart{turn}, move "
+        f"the stiffness by up to {off_by(errors.stiffness)} and the energy by up to "
+        f"{off_by(energy)} from {percent(ASKED)} of gross slip on: families know no places"
     )
     moved = Effect(share_of(errors.stiffness), share_of(energy), share_of(energy))
     step = "capslip analyze a scan of the face, which shows where its caps stand"
