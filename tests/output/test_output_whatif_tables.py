@@ -7,7 +7,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from capslip.analysis import analyze
+from capslip.analysis import analyze, analyze_families
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import ModelError
 from capslip.contact.varying_load import varying
@@ -184,6 +184,17 @@ def test_of_a_forced_model_too_what_its_own_analysis_calls_off_is_left_out(model
     found = whatif_data(forced)
     assert found["error_known"]
     assert [table["preload_N"] for table in found["tables"]] == left_N
+
+
+def test_of_given_families_the_error_is_known_under_their_own_preload_alone():
+    families = [f"families.{one}" for one in ("m=4", "n=5", "radius_G_m=24", "radius_P_m=26")]
+    families += ["families.h_m=1e-7", "joint.area_m2=24e-4"]
+    found = analyze_families(load_settings(overrides=families))
+    assert found.contact.errors is not None
+    panel = whatif_data(found)
+    assert panel["of_caps"]
+    assert not panel["error_known"]
+    assert len(panel["tables"]) == 1 + len(PRELOADS)
 
 
 def test_a_joint_of_scans_is_resolved_no_finer_than_the_coarsest_of_them(several):

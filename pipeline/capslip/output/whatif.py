@@ -81,8 +81,14 @@ def whatif_data(analysis: "JointResult") -> dict[str, Any] | None:
         "most_loss_factor": MOST_LOSS_FACTOR,
         "unresolved": max((resolved_share(part.contact) for part in analysis.parts), default=0.0),
         "of_caps": knows_other_preloads(analysis.joint, contact),
-        "error_known": contact is not None and contact.errors is not None,
+        "error_known": _knows_errors(analysis),
     }
+
+
+def _knows_errors(analysis: "JointResult") -> bool:
+    """Tell whether the error under other preloads is known; of given families under none."""
+    known = analysis.contact is not None and analysis.contact.errors is not None
+    return known and isinstance(analysis, Analysis)
 
 
 def _under_others(analysis: "JointResult") -> Iterator[tuple[float, NormalCurve]]:
