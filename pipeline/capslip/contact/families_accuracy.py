@@ -20,8 +20,8 @@ from capslip.settings import Settings
 FORCE_SHARES = (1e-3, 1e-2, 0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which energies are compared
 NO_SLIP = 1e-12  # of mu N: all energies go as the cube of a small force, and their ratio stays
 FROM = 0.1  # of mu N, from which on the greatest error of the energy counts
-DRAWS = 12
-MOST_CAPS = 150  # of a draw; of more, a part of the area that holds so many is pressed
+DRAWS = 24
+MOST_CAPS = 100  # of a draw; of more, a part of the area that holds so many is pressed
 APART = 0.5  # of the mean distance of caps, that their peaks keep: each has a hill of its own
 _TRIES = 200  # places that are tried for one cap
 _NORMAL_95 = 1.96  # standard deviations that hold 95 %
@@ -53,11 +53,6 @@ def error_of_families(
     ModelError or None
         At 95 %, as logarithms: the mean of what the draws change and 1.96 of its standard
         deviations. None where half of the draws find no answer, as on caps that tip over.
-
-    Notes
-    -----
-    On 72 faces of 14 to 23 caps whose places are known (three loads, four sets of families) it held
-    the energies at a tenth to three quarters of mu N and the stiffness 357 times of 360.
     """
     radius_m, peak_m = _caps_of(families)
     part = min(MOST_CAPS / radius_m.size, 1.0)
