@@ -7,7 +7,7 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_families
-from capslip.contact.families_accuracy import MOST_CAPS, error_of_families
+from capslip.contact.families_accuracy import MOST_CAPS, _places_m, error_of_families
 from capslip.contact.given import given_families
 from capslip.contact.rung import ModelError
 from capslip.settings import load_settings
@@ -80,6 +80,27 @@ def test_a_part_of_many_caps_stands_for_all_and_scatters_less():
     # The mean is that of the part, the scatter a quarter: of the stiffness it is the lesser share
     assert 0.8 * one.stiffness < all_16.stiffness < one.stiffness
     assert all_16.energy < one.energy
+
+
+def test_the_energy_counts_from_a_tenth_of_mu_N_on():
+    found = error(asked(AS_IT_LIES, m=4, n=20, h_m=3e-7))
+    known = dict(found.energy_by_share)
+    assert found.energy == max(known[share] for share in (0.1, 0.25, 0.5, 0.75))
+    assert known[0.01] > found.energy > 1.1 * min(known.values())
+
+
+@pytest.mark.parametrize("count", [2, 23, 100])
+def test_caps_are_put_all_over_the_square_and_none_upon_another(count):
+    rng = np.random.default_rng(3)
+    place_m = np.array([_places_m(rng, count, 0.03) for _ in range(40)])
+    assert np.abs(place_m).max() <= 0.015
+    # Of a uniform distribution on the side: 0 and a twelfth of its square
+    assert place_m.mean(axis=(0, 1)) == pytest.approx(0.0, abs=2e-3)
+    assert place_m.std(axis=(0, 1)) == pytest.approx(0.03 / math.sqrt(12.0), rel=0.1)
+    apart_m = np.linalg.norm(place_m[:, :, None] - place_m[:, None], axis=-1)
+    nearest_m = np.where(apart_m > 0.0, apart_m, np.inf).min(axis=(1, 2))
+    assert (nearest_m >= 0.5 * 0.03 / math.sqrt(count)).all()
+    assert nearest_m.min() < 0.03 / math.sqrt(count)
 
 
 def test_it_is_not_known_of_caps_that_tip_over():

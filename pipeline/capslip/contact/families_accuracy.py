@@ -23,7 +23,7 @@ FROM = 0.1  # of mu N, from which on the greatest error of the energy counts
 DRAWS = 24
 MOST_CAPS = 100  # of a draw; of more, a part of the area that holds so many is pressed
 APART = 0.5  # of the mean distance of caps, that their peaks keep: each has a hill of its own
-_TRIES = 200  # places that are tried for one cap
+_TRIES = 50  # places that are tried for one cap
 _NORMAL_95 = 1.96  # standard deviations that hold 95 %
 _LEAST = 1e-4  # of an error: its logarithm is taken
 
