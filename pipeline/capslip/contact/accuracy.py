@@ -109,18 +109,37 @@ def answers(
         `material` and `contact`.
     """
     used = _as_slip_uses(curve, surface, settings) if holds_bulk else curve
-    return _answers_of(curve, used, settings)
+    return answers_of(curve, used, settings)
 
 
-def _answers_of(curve: NormalCurve, used: NormalCurve, settings: Settings) -> np.ndarray:
+def answers_of(
+    curve: NormalCurve,
+    used: NormalCurve,
+    settings: Settings,
+    shares: Sequence[float] = FORCE_SHARES,
+) -> np.ndarray:
     """Return the `answers` of a curve, given the one that slip uses of it, too.
 
-    Shape (5, ...), with the sets of the curve behind.
+    Parameters
+    ----------
+    curve : NormalCurve
+        The whole normal curve.
+    used : NormalCurve
+        The same with the bulk sinking, or without, as slip uses it.
+    settings : Settings
+        `material` and `contact`.
+    shares : sequence of float, optional
+        T / (mu N) at which the energies are asked, k of them.
+
+    Returns
+    -------
+    float64, shape (k + 1, ...)
+        The energies, and the stiffness of slip; with the sets of the curve behind.
     """
     material, preload_N = settings.material, settings.contact.preload_N
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     slip = slip_curve(curve, preload_N, material.friction_coefficient, joint.kappa)
-    force_N = np.array(FORCE_SHARES) * slip.total_slip_force_N
+    force_N = np.array(shares) * slip.total_slip_force_N
     stiffness = used.stiffness_N_per_m(used.approach_m(preload_N))
     energy_J = slip.energy_at_force_J(force_N.reshape(-1, *np.ones(stiffness.ndim, dtype=int)))
     return np.concatenate((energy_J, stiffness[None]))
@@ -477,4 +496,4 @@ def _used_and_changes(
     """
     used = [_as_slip_uses(one, scene.surface, settings) for one in curves]
     pairs = zip(curves, used, strict=True)
-    return used, [_answers_of(*pair, settings).T / found - 1.0 for pair in pairs]
+    return used, [answers_of(*pair, settings).T / found - 1.0 for pair in pairs]

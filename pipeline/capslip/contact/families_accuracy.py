@@ -5,14 +5,13 @@ import math
 import msgspec
 import numpy as np
 
-from capslip.caps.families import Families
+from capslip.contact.accuracy import answers_of
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
-from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
 from capslip.contact.models.interacting import interacting
 from capslip.contact.rung import ModelError, pairs_in_balance, turning_stiffness
-from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.hertz import HertzCurve
 from capslip.contact.solvers.yielding import first_loading_at
 from capslip.errors import ContactError
 from capslip.settings import Settings
@@ -29,7 +28,7 @@ _LEAST = 1e-4  # of an error: its logarithm is taken
 
 
 def error_of_families(
-    families: Families, area_m2: float, preload_N: float, settings: Settings
+    curve: HertzCurve, area_m2: float, preload_N: float, settings: Settings
 ) -> ModelError | None:
     """Return what families leave out of a joint of known area: where their caps stand.
 
@@ -39,8 +38,8 @@ def error_of_families(
 
     Parameters
     ----------
-    families : Families
-        As they unload: flattened where they yielded.
+    curve : HertzCurve
+        Of the families as they unload: flattened where they yielded.
     area_m2 : float
         Nominal area of the joint.
     preload_N : float
@@ -54,7 +53,8 @@ def error_of_families(
         At 95 %, as logarithms: the mean of what the draws change and 2.11 of its standard
         deviations. None where half of the draws find no answer, as on caps that tip over.
     """
-    radius_m, peak_m = _caps_of(families)
+    count = curve.count.astype(int)
+    radius_m, depth_m = np.repeat(curve.radius_m, count), np.repeat(curve.depth_m, count)
     part = min(MOST_CAPS / radius_m.size, 1.0)
     contact = msgspec.structs.replace(
         settings.contact, model="auto", preload_N=part * preload_N, nominal_pressure_Pa=None
@@ -65,7 +65,7 @@ def error_of_families(
         some = rng.permutation(radius_m.size)[:MOST_CAPS]
         place_m = _places_m(rng, some.size, side_m)
         try:
-            changes.append(_change(radius_m[some], peak_m[some], place_m, side_m, settings))
+            changes.append(_change(radius_m[some], depth_m[some], place_m, side_m, settings))
         except ContactError:
             continue
     if 2 * len(changes) < DRAWS:
@@ -77,16 +77,6 @@ def error_of_families(
     energy = np.maximum.accumulate(error[-2::-1])[::-1].tolist()
     by_share = ((NO_SLIP, energy[0]), *zip(FORCE_SHARES, energy, strict=True))
     return ModelError(float(error[-1]), dict(by_share)[FROM], by_share)
-
-
-def _caps_of(families: Families) -> tuple[np.ndarray, np.ndarray]:
-    """Return radius and peak height of each cap."""
-    both = [one for one in (families.G, families.P) if one is not None]
-    count = [one.count for one in both]
-    return (
-        np.repeat([one.radius_m for one in both], count),
-        np.repeat([one.peak_height_m for one in both], count),
-    )
 
 
 def _places_m(rng: np.random.Generator, count: int, side_m: float) -> np.ndarray:
@@ -103,7 +93,7 @@ def _places_m(rng: np.random.Generator, count: int, side_m: float) -> np.ndarray
 
 def _change(
     radius_m: np.ndarray,
-    peak_m: np.ndarray,
+    depth_m: np.ndarray,
     place_m: np.ndarray,
     side_m: float,
     settings: Settings,
@@ -114,7 +104,7 @@ def _change(
     """
     material, preload_N = settings.material, settings.contact.preload_N
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    depth_m = peak_m.max() - peak_m
+    depth_m = depth_m - depth_m.min()
     alone = caps(radius_m, depth_m, E_star_Pa)
     held_Nm_per_rad = turning_stiffness(settings)
     if math.isfinite(held_Nm_per_rad):
@@ -134,14 +124,5 @@ def _change(
     there = interacting(radius_m, depth_m, place_m[:, 0], place_m[:, 1], E_star_Pa, preload_N)
     bulk_m_per_N = bulk_compliance_m_per_N((side_m, side_m), E_star_Pa)
     used, _ = without_bulk(there, bulk_m_per_N, preload_N)
-    return _logs(there, used, settings) - _logs(alone, alone, settings)
-
-
-def _logs(curve: NormalCurve, used: NormalCurve, settings: Settings) -> np.ndarray:
-    """Return logarithms of the energies at `FORCE_SHARES` and of the stiffness of slip."""
-    material, preload_N = settings.material, settings.contact.preload_N
-    kappa = composite(material.youngs_modulus_Pa, material.poisson_ratio).kappa
-    slip = slip_curve(curve, preload_N, material.friction_coefficient, kappa)
-    energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
-    stiffness = float(used.stiffness_N_per_m(used.approach_m(preload_N)))
-    return np.log([*energy_J, stiffness])
+    changed = answers_of(there, used, settings, FORCE_SHARES)
+    return np.log(changed / answers_of(alone, alone, settings, FORCE_SHARES))

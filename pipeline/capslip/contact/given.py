@@ -11,19 +11,18 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.families_accuracy import error_of_families
 from capslip.contact.flattening import flattened_families, top_m
 from capslip.contact.joint import Joint
+from capslip.contact.map_doubts import ASKED
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.families import RUNG, contacts_of_families, curve_of
 from capslip.contact.press import ContactState, problems_of_closing, refuse_more_than_all
 from capslip.contact.rung import Contacts, ModelError
-from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.hertz import HertzCurve, contact_radius_m
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.contact.steepness import problems_of_steep_caps
 from capslip.errors import SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.units import off_by, percent, share_of
-
-ASKED = 0.25  # of mu N, from which on an error beyond the tolerance is a problem
 
 
 def given_families(settings: Settings) -> Families:
@@ -81,7 +80,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
-    errors, problems = _beside_the_area(found, flat, preload_N, settings)
+    errors, problems = _beside_the_area(found, curve, preload_N, settings)
     if found.count == 1:
         problems.append(Problem("one_contact", "warning", "one cap carries the whole preload"))
     each_N = curve.asperity_loads_N(approach_m)
@@ -140,7 +139,7 @@ def _preload_N(settings: Settings) -> float:
 
 
 def _beside_the_area(
-    found: Contacts, flat: Families, preload_N: float, settings: Settings
+    found: Contacts, curve: HertzCurve, preload_N: float, settings: Settings
 ) -> tuple[ModelError | None, list[Problem]]:
     """Return what the families leave out, and whether the joint closes, where its area is known.
 
@@ -151,16 +150,14 @@ def _beside_the_area(
         return None, []
     expected = f"on a joint of {area_m2:.3g} m2; expected less; check --area, preload and units"
     refuse_more_than_all(RUNG, preload_N, found, area_m2, expected)
-    errors = error_of_families(flat, area_m2, preload_N, settings)
+    errors = error_of_families(curve, area_m2, preload_N, settings)
     return errors, problems_of_closing(found, area_m2) + _of_error(errors, settings)
 
 
 def _of_error(errors: ModelError | None, settings: Settings) -> list[Problem]:
-    if errors is None:
+    if errors is None or errors.greatest_at(ASKED) <= settings.contact.tolerance:
         return []
-    energy = max(error for share, error in errors.energy_by_share if share >= ASKED)
-    if max(errors.stiffness, energy) <= settings.contact.tolerance:
-        return []
+    energy = errors.energy_at(ASKED)
     turn = "" if settings.contact.alignment == "as_levelled" else " and turn the face"
     message = (
         f"caps at random places on the area of the joint, which push each other apart{turn}, move "
