@@ -12,7 +12,7 @@ from capslip.studies.limits.measure import measure
 from capslip.studies.limits.text import limits_markdown
 from capslip.studies.page import png, write
 
-FRESH_SEED = 410
+FRESH_SEED = 560
 
 
 def limits(
