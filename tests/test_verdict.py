@@ -1,6 +1,7 @@
 """What was given and what was not, and the sentence that says what a result is usable for."""
 
 import json
+import math
 import re
 from dataclasses import asdict
 
@@ -10,6 +11,7 @@ from click.testing import CliRunner
 
 import capslip
 from capslip.cli import main
+from capslip.contact.part_of_joint import left_open
 from capslip.output.lead import causes
 from capslip.problems import KINDS, Effect, Problem
 from capslip.settings import STAND_INS, Contact, Settings, settings_from
@@ -393,7 +395,7 @@ def test_an_error_that_was_estimated_has_its_place_among_the_effects():
     small = (JOINT["material"], "joint.area_m2=0.05", "contact.model=caps")
     found = capslip.analyze(face, load(*small, "contact.preload_N=1000"))
     known = {one.code: one.effect for one in found.problems}
-    off = found.contact.contacts**-0.5
+    off = math.expm1(left_open(found.joint, found.contact).energy_by_chance)
     assert known["few_contacts_in_scan"].energy == pytest.approx(off)
     estimate = found.contact.estimated_error
     assert known["model_doubtful"] == Effect(estimate, estimate, estimate)

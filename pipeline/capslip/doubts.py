@@ -108,7 +108,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *as_read(before, contact, doubtful, tolerance, surface),
         *contact.problems,
         *problems_of_share(face.joint, contact),
-        *problems_of_waves(face.joint, contact, surface),
+        *problems_of_waves(face.joint, contact),
         *problems_of_first_touch(contact),
         *problems_of_filling(surface, contact.approach_m),
         *_of_hidden_tops(face, contact),

@@ -175,7 +175,9 @@ def verdict(
         face = "face with its hardness" if yields(settings) else "elastic face"
         accuracy = f"within {here} of the same {face} pressed exactly (estimated{beside})"
     if part_within is not None:
-        accuracy += f", as a part of its joint within about {part_within:.0%} in the energy"
+        times = f"a factor of {1.0 + part_within:.2g}"
+        within = times if part_within > 1.0 else f"about {part_within:.0%}"
+        accuracy += f", as a part of its joint within {within} in the energy"
     use = "stiffness and slip of the joint"
     if is_given(settings):
         use += f" and the damping of the {structure_name(settings)}"

@@ -19,6 +19,7 @@ from capslip.contact.doubts import (
     problems_of_share,
     problems_of_waves,
 )
+from capslip.contact.part_of_joint import left_open
 from capslip.contact.rung import ModelError
 from capslip.doubts import _of_small_slip
 from capslip.problems import Problem
@@ -381,17 +382,21 @@ def test_below_a_tenth_of_gross_slip_more_is_left_than_there(
     assert found.kind.in_interval  # which takes the same error
 
 
-def joint(coverage, *, load_N=(1.0,)):
+def joint(coverage, *, load_N=(1.0,), long_waves_m=0.0):
     return SimpleNamespace(
-        coverage=coverage, is_even=len(load_N) == 1, load_N=np.array(load_N, dtype=float)
+        coverage=coverage,
+        is_even=len(load_N) == 1,
+        load_N=np.array(load_N, dtype=float),
+        long_waves_m=long_waves_m,
     )
 
 
-def pressed(contacts=24, yielded_area_m2=None, made_from="spheres"):
+def pressed(contacts=24, yielded_area_m2=None, made_from="spheres", caps=1000, **heights_m):
+    heights_m = {"approach_m": 1e-6, "approach_without_bulk_m": None, "bulk_m": 0.0} | heights_m
     rung = SimpleNamespace(made_from=made_from, contact_name="caps")
-    return SimpleNamespace(
-        contacts=contacts, yielded_area_m2=yielded_area_m2, rung=rung, light=None
-    )
+    use = np.ones(caps, dtype=bool)
+    of_state = {"yielded_area_m2": yielded_area_m2, "rung": rung, "use": use, "light": None}
+    return SimpleNamespace(contacts=contacts, **of_state, **heights_m)
 
 
 @pytest.mark.parametrize(
@@ -413,10 +418,25 @@ def test_a_scan_is_a_doubtful_share_of_its_joint_just_beyond_each_threshold(of, 
     assert [one.code for one in found] == codes
     for one in found:
         if one.code == "few_contacts_in_scan":
+            left = left_open(of, contact)
             assert "98 % of its joint and touches with 24 caps" in one.message
-            assert "loses about 20% less" in one.message
-            assert one.effect.tangential_stiffness is None
-            assert one.effect.energy == one.effect.loss_factor == pytest.approx(24**-0.5)
+            assert f"moves the energy by some {1.3 / 24**0.5:.0%}" in one.message
+            stiffness, energy = left.stiffness_by_chance, left.energy_by_chance
+            assert one.effect.tangential_stiffness == pytest.approx(1.0 - np.exp(-stiffness))
+            assert one.effect.energy == pytest.approx(np.exp(energy) - 1.0)
+            assert one.effect.loss_factor == pytest.approx(np.exp(energy - stiffness) - 1.0)
+
+
+def test_few_contacts_of_a_large_joint_say_what_its_other_hills_move():
+    """More than chance does, unless all caps touch: a face in one piece is softer."""
+    of = joint(1e-6)
+    (rough,), (all_touch,) = (problems_of_share(of, pressed(9, caps=caps)) for caps in (1000, 9))
+    by_choice = left_open(of, pressed(9)).by_choice
+    assert rough.effect.energy == pytest.approx(np.exp(by_choice.energy) - 1.0)
+    assert rough.effect.tangential_stiffness == pytest.approx(1 - np.exp(-by_choice.stiffness))
+    assert "in one piece is about 37% less stiff and loses some 1.8 times as much" in rough.message
+    assert "in one piece" not in all_touch.message
+    assert 0.0 < all_touch.effect.energy < rough.effect.energy
 
 
 @pytest.mark.parametrize(
@@ -432,24 +452,25 @@ def test_a_scan_is_a_doubtful_share_of_its_joint_just_beyond_each_threshold(of, 
     ],
 )
 def test_waves_that_a_scan_does_not_hold_are_doubted_beyond_a_tenth_of_the_approach(
-    coverage, rms_m, approach_m, without_bulk_m, said, monkeypatch
+    coverage, rms_m, approach_m, without_bulk_m, said
 ):
-    monkeypatch.setattr(doubts, "long_waves_m", lambda surface: rms_m)
-    contact = SimpleNamespace(
-        approach_m=approach_m, approach_without_bulk_m=without_bulk_m, light=None
-    )
-    found = problems_of_waves(joint(coverage), contact, None)
+    contact = pressed(approach_m=approach_m, approach_without_bulk_m=without_bulk_m)
+    of = joint(coverage, long_waves_m=rms_m)
+    found = problems_of_waves(of, contact)
     assert [one.code for one in found] == ["waves_longer_than_scan"] * said
-    assert not said or "stand 1e-07 m (rms) out of its spectrum, 10%" in found[0].message
+    for one in found:
+        assert "stand 1e-07 m (rms) out of its spectrum, 10%" in one.message
+        stiffness, energy = left_open(of, contact).by_waves
+        assert one.effect.tangential_stiffness == pytest.approx(1.0 - np.exp(-stiffness))
+        assert one.effect.energy == pytest.approx(np.exp(energy) - 1.0)
+        assert one.kind.in_interval
 
 
 @pytest.mark.parametrize(
     ("rms_m", "high"), [(9.9e-6, "990% of the approach: "), (9.1e-5, "91 times the approach: ")]
 )
-def test_waves_many_times_as_high_as_the_approach_are_no_percentage(rms_m, high, monkeypatch):
-    monkeypatch.setattr(doubts, "long_waves_m", lambda surface: rms_m)
-    contact = SimpleNamespace(approach_m=1e-6, approach_without_bulk_m=1e-6, light=None)
-    (found,) = problems_of_waves(joint(0.01), contact, None)
+def test_waves_many_times_as_high_as_the_approach_are_no_percentage(rms_m, high):
+    (found,) = problems_of_waves(joint(0.01, long_waves_m=rms_m), pressed())
     assert f"out of its spectrum, {high}" in found.message
 
 

@@ -11,19 +11,17 @@ from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import BEYOND_JOINTS_PA, Joint, is_loaded
 from capslip.contact.material import dundurs_beta
-from capslip.contact.part_of_joint import WHOLE, few_contacts
+from capslip.contact.part_of_joint import Moved, few_contacts, left_open, long_waves
 from capslip.contact.press import ContactState
 from capslip.contact.solvers.hertz import coefficient_of
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
 from capslip.contact.steepness import problems_of_steep_caps
-from capslip.contact.uneven_accuracy import by_energy
 from capslip.materials import MATERIALS
 from capslip.problems import Effect, Problem
 from capslip.settings import Conditioning, Material, Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
 from capslip.surface.tops import floor_points
-from capslip.surface.waves import long_waves_m
 from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
@@ -84,8 +82,8 @@ def problems_of_preload(joint: Joint, settings: Settings) -> list[Problem]:
 def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
     """Return whether a scan is as large as its joint at most, and holds enough contacts for it.
 
-    Cut in nine, a face of n contacts in each part lost about 1 / sqrt(n) less than as a whole,
-    because each part touches with its own highest hills (`docs/theory.md`, section 6).
+    Each part of a face touches with its own highest hills, and the fewer these are, the more the
+    whole loses beside its parts (`docs/theory.md`, section 6).
     """
     found: list[Problem] = []
     if joint.coverage is not None and joint.coverage > LARGER:
@@ -94,44 +92,54 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
             "then: the unit of the area, or the pixel size, may be wrong"
         )
         found.append(Problem("scan_larger_than_joint", "warning", message))
-    off = few_contacts(joint, contact)
-    if off is None or joint.coverage is None or off <= 1.0 / math.sqrt(FEW_IN_SCAN):
+    few, left = few_contacts(joint, contact), left_open(joint, contact)
+    if few is None or left is None or few <= 1.0 / math.sqrt(FEW_IN_SCAN):
         return found
     with_few, light = f"{contact.contacts} {contact.rung.contact_name}", contact.light
     if light is not None:
         with_few += f", with {light.contacts} under {light.preload_N:.3g} N on the scan"
     message = (
-        f"the scan is {percent(joint.coverage)} of its joint and touches with {with_few}: a joint "
-        f"of such patches loses about {off:.0%} less than one of the same face in one piece; waves "
-        "longer than the scan are not in it"
+        f"the scan is {percent(left.coverage)} of its joint and touches with {with_few}: which "
+        f"these are is chance, and moves the energy by some {left.energy_by_chance:.0%}"
     )
-    return [*found, Problem("few_contacts_in_scan", "warning", message, Effect(None, off, off))]
+    if left.by_choice.energy > 0.0:
+        message += f"; beside a joint of such patches the face in one piece {_is(left.by_choice)}"
+    by_chance = Moved(left.stiffness_by_chance, left.energy_by_chance)
+    moved = _effect(*(max(pair) for pair in zip(left.by_choice, by_chance, strict=True)))
+    return [*found, Problem("few_contacts_in_scan", "warning", message, moved)]
 
 
-def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -> list[Problem]:
+def problems_of_waves(joint: Joint, contact: ContactState) -> list[Problem]:
     """Return whether a scan that stands for a larger joint shows waves that it does not hold.
 
     Of a wave longer than itself a scan shows a bow; where that is as much as a tenth of the
     approach, the crests of the face carry more than a joint of equal patches knows
     (`docs/theory.md`, section 6).
     """
-    approach_m = contact.approach_without_bulk_m or contact.approach_m
-    if joint.coverage is None or joint.coverage > WHOLE or approach_m <= 0.0:
-        return []
-    rms_m = long_waves_m(surface)
-    share = by_energy(
-        joint, contact, lambda one: rms_m / (one.approach_without_bulk_m or one.approach_m)
-    )
-    if share <= LONG_WAVES:
+    share, left = long_waves(joint, contact), left_open(joint, contact)
+    if share is None or left is None or share <= LONG_WAVES:
         return []
     high = f"{share:.0f} times" if share >= 10.0 else f"{share:.0%} of"
     message = (
-        f"the scan is {percent(joint.coverage)} of its joint, and waves of its length and longer "
-        f"stand {rms_m:.2g} m (rms) out of its spectrum, {high} the approach: "
-        "the face seems to go on in longer and higher ones, which patches of equal pressure leave "
-        "out"
+        f"the scan is {percent(left.coverage)} of its joint, and waves of its length and longer "
+        f"stand {joint.long_waves_m:.2g} m (rms) out of its spectrum, {high} the approach: the "
+        "face seems to go on in longer and higher ones, which patches of equal pressure leave out; "
+        f"with them it {_is(left.by_waves)}"
     )
-    return [Problem("waves_longer_than_scan", "warning", message)]
+    return [Problem("waves_longer_than_scan", "warning", message, _effect(*left.by_waves))]
+
+
+def _is(moved: Moved) -> str:
+    times = math.exp(moved.energy)
+    return (
+        f"is about {-math.expm1(-moved.stiffness):.0%} less stiff and loses some {times:.2g} times "
+        "as much"
+    )
+
+
+def _effect(stiffness: float, energy: float) -> Effect:
+    """Return what a joint that is so much softer, and loses so much more, is off by."""
+    return Effect(-math.expm1(-stiffness), math.expm1(energy), math.expm1(energy - stiffness))
 
 
 def contact_doubts(

@@ -22,6 +22,7 @@ from capslip.contact.uneven import PatchedCurve, scaled_between, seen, side_by_s
 from capslip.errors import ContactError, SettingsError
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.waves import long_waves_m
 
 # Pressures, of a model that solves each of them on the map; and the fewest, where time is short
 MAX_SOLVED, FEWEST_SOLVED = 8, 2
@@ -44,6 +45,7 @@ class Joint:
     weight: np.ndarray  # (k,), area of the patch over that of the scan
     scan_load_N: float  # under which the scan is pressed: that of the greatest pressure
     most_solved: int = MAX_SOLVED  # loads, of a model that solves each of them on the map
+    long_waves_m: float = 0.0  # by how much waves stand out of the scan that are longer, rms
 
     @property
     def nominal_pressure_Pa(self) -> float | None:
@@ -235,7 +237,9 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
         scan_load_N = float(load_N[0])
     fit_in = contact.time_limit_s / boundary_elements_s(surface.shape)
     most_solved = int(min(max(fit_in, FEWEST_SOLVED), MAX_SOLVED))
-    found = Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N, most_solved)
+    # Of a scan that is its joint nobody asks for longer ones
+    long_m = long_waves_m(surface) if weight.sum() > 1.0 else 0.0
+    found = Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N, most_solved, long_m)
     if contact.bulk and not found.is_scan:
         raise SettingsError(
             "contact.bulk: got true with a joint that is larger than its scan; the bulk sinking of "

@@ -14,6 +14,7 @@ from capslip.structure.answer import Answer, numbers_of_state
 from capslip.structure.band_causes import (
     LEAST_SPREAD,
     NORMAL_95,
+    degrees_of_freedom,
     of_caps_and_model,
     of_direction,
     of_parts,
@@ -169,7 +170,9 @@ def _propagated(state: State, damping: Damping) -> Band | None:
     kept = numbers_with(log["scans"])
     wide = kept
     if "scans" in uncertain:
-        wide = numbers_with(_students(normal["scans"], len(state.parts)) @ spreads["scans"])
+        wide = numbers_with(
+            _students(normal["scans"], degrees_of_freedom(state)) @ spreads["scans"]
+        )
     return Band(
         {
             name: _with(getattr(state.answer, name), _interval(name, np.broadcast_to(one, points)))
@@ -195,11 +198,11 @@ def _left_out(state: State) -> tuple[str, ...]:
     return tuple(unknown)
 
 
-def _students(normal: np.ndarray, scans: int) -> np.ndarray:
+def _students(normal: np.ndarray, freedom: int) -> np.ndarray:
     """Return normal numbers as those of Student's distribution with the same probability."""
     from scipy.special import ndtr, stdtrit
 
-    return np.asarray(stdtrit(scans - 1, ndtr(normal)))
+    return np.asarray(stdtrit(freedom, ndtr(normal)))
 
 
 def _drawn(columns: dict[str, int]) -> dict[str, np.ndarray]:

@@ -22,6 +22,9 @@ LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than round
 # Of a logarithm: an energy that may be off by as much is anything from nothing to its rectangle
 ANY = 1e4
 STEP = 0.01  # of a displacement, for a slope
+# Scans more, as which what their contacts let expect of the scatter between scans counts: on eight
+# real scans cut in parts it was one to three times as much
+EXPECTED = 3
 MOST_SHARE = 0.9  # of mu N of a joint of patches, above which its slopes tell nothing of it
 
 
@@ -217,11 +220,14 @@ def _slipped(
 
 
 def of_scatter(state: State) -> np.ndarray:
-    """Return a root of the covariance that the scatter between scans gives their mean."""
+    """Return a root of the covariance that the scatter between scans gives their mean.
+
+    Few scans tell little of how they scatter: what their contacts let expect counts as so many.
+    """
     parts, friction = state.parts, state.settings.material.friction_coefficient
     if len(parts) == 1:
         return np.zeros((2, 2))
-    share = np.array([part.share for part in parts])
+    share = np.array([part.share for part in state.parts])
     if state.by_force:  # that of total slip at most, which rounding must not pass
         at = min(state.answer.slip_force_N / friction, state.preload_N)
     else:
@@ -236,7 +242,17 @@ def of_scatter(state: State) -> np.ndarray:
         log.append(_log(state.response(curve, approach_m, np.asarray(at))))
     change = np.array(log) - np.mean(log, axis=0)
     root = _root(math.sqrt((len(parts) - 1) / len(parts)) * change)
+    expected = _by_chance(state)
+    if expected is not None:
+        freedom = degrees_of_freedom(state)
+        weight = np.sqrt(np.array([freedom - EXPECTED, EXPECTED]) / freedom)
+        root = _root(np.vstack([weight[0] * root, weight[1] * expected]))
     return np.where(np.abs(root).max() > LEAST_SPREAD, root, 0.0)
+
+
+def degrees_of_freedom(state: State) -> int:
+    """Return those of the scatter between scans, with what their contacts let expect."""
+    return len(state.parts) - 1 + (EXPECTED if _by_chance(state) is not None else 0)
 
 
 def of_parts(state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -244,16 +260,19 @@ def of_parts(state: State) -> tuple[np.ndarray, np.ndarray]:
 
     What is by chance that of one scan is left to the scatter between them, where there are several.
     """
-    each = [left_open(part.joint, part.contact) for part in state.parts]
-    known = [(part.share, one) for part, one in zip(state.parts, each, strict=True) if one]
-    root, shift = np.zeros((4, 2)), np.zeros(2)
+    each = [(part.share, left_open(part.joint, part.contact)) for part in state.parts]
+    known = [(share, one) for share, one in each if one is not None]
+    if not known:
+        return np.zeros((2, 2)), np.zeros(2)
+    moved, of_bulk = np.zeros((2, 2)), 0.0
     for share, one in known:
-        shift[1] += share * one.lost
-        root[0, 0] += share * one.stiffness_by_bulk
-        root[1, 1] += share * one.unsure
-        if len(state.parts) == 1:
-            root[2, 0], root[3, 1] = one.stiffness_by_chance, one.energy_by_chance
-    return _root(root), shift
+        moved += share * np.array([one.by_choice, one.by_waves])
+        of_bulk += share * one.stiffness_by_bulk
+    root = _as_asked(state, np.vstack([moved, [of_bulk, 0.0]]))
+    by_chance = _by_chance(state)
+    if len(state.parts) == 1 and by_chance is not None:
+        root = np.vstack([root, by_chance])
+    return _root(root), _as_asked(state, moved.sum(axis=0))
 
 
 def of_direction(state: State) -> np.ndarray:
@@ -267,16 +286,42 @@ def of_direction(state: State) -> np.ndarray:
             swings += part.share * np.array(part.contact.lay.left_open(slip.direction_rad))
     if np.abs(swings).max() <= state.settings.contact.tolerance:
         return np.zeros((2, 2))
-    if not state.by_force:  # where the force goes with the displacement, and the energy with both
-        curve = state.curves(np.ones((1, 2)))[0]
-        e = state.answer.displacement_m
-        e /= state.settings.material.friction_coefficient * state.kappa
-        near = e * np.array([1.0 - STEP, 1.0 + STEP])
-        log = _log(state.response(curve, float(curve.approach_m(state.preload_N)), near))
-        slope = (log[:, 1] - log[:, 0]) / np.log(near[1] / near[0])
-        swings = np.array([0.0, swings[1]]) - slope * swings[0]
+    swings = _as_asked(state, swings)
     # A face that lies another way has other rows of the same covariance, and the same root
     return _root(np.array([swings.real, swings.imag]) / math.sqrt(2.0))
+
+
+def _by_chance(state: State) -> np.ndarray | None:
+    """Return a root of what chance lets expect of the mean of all scans, by their contacts.
+
+    None where they are no parts of their joint.
+    """
+    each = [(part.share, left_open(part.joint, part.contact)) for part in state.parts]
+    known = [
+        share * np.array([one.stiffness_by_chance, one.energy_by_chance])
+        for share, one in each
+        if one is not None
+    ]
+    if len(known) < len(each):
+        return None
+    return _as_asked(state, np.diag(np.linalg.norm(known, axis=0)))
+
+
+def _as_asked(state: State, moved: np.ndarray) -> np.ndarray:
+    """Return what moves displacement and energy under a force, (..., 2), for what is asked.
+
+    At a given displacement that is what a smaller one has on the same curve, and the energy with
+    it: force and energy.
+    """
+    if state.by_force:
+        return moved
+    curve = state.curves(np.ones((1, 2)))[0]
+    e = state.answer.displacement_m
+    e /= state.settings.material.friction_coefficient * state.kappa
+    near = e * np.array([1.0 - STEP, 1.0 + STEP])
+    log = _log(state.response(curve, float(curve.approach_m(state.preload_N)), near))
+    slope = (log[:, 1] - log[:, 0]) / np.log(near[1] / near[0])
+    return np.asarray([0.0, 1.0] * moved - slope * moved[..., :1])
 
 
 def _log(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
