@@ -15,7 +15,7 @@ from capslip.contact import joint as joints
 from capslip.contact.doubts import problems_of_share, problems_of_waves
 from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.families import families
-from capslip.contact.part_of_joint import BY_CHOICE
+from capslip.contact.part_of_joint import ENERGY_BY_CHANCE
 from capslip.contact.rung import ModelError, rung
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.uneven import side_by_side
@@ -227,7 +227,7 @@ def test_few_contacts_are_those_of_the_patches_that_lose():
     assert one.code == "few_contacts_in_scan"
     assert "contact regions, with 4 under 1 N on the scan" in one.message
     off = W @ (0.5, np.sqrt(0.5 * 0.1), 0.1)
-    expected = np.expm1(BY_CHOICE[1] * off * (1.0 - np.sqrt(0.1)))
+    expected = np.expm1(ENERGY_BY_CHANCE * off)
     assert one.effect.energy == pytest.approx(expected, rel=1e-3)
     joint, heavy, _ = uneven_state(contacts=(26, 100))
     assert problems_of_share(joint, heavy) == []
