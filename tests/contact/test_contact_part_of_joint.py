@@ -135,3 +135,44 @@ def test_a_joint_that_is_scanned_as_a_whole_has_no_part():
     root, shift = band_causes.of_parts(state(whole))
     assert not root.any()
     assert not shift.any()
+
+
+def test_at_a_given_displacement_a_softer_joint_is_one_of_a_smaller_displacement():
+    """Force and energy go with powers of the displacement here, which is shorter by the softness.
+
+    Of scans that are stiffer by a factor the force falls with that to its power, and the energy,
+    which is greater under a given force, along the curve.
+    """
+    mu, kappa, of_force, of_energy = 0.2, 1.5, 0.7, 2.5
+    alone = part(1.0, 0.1, contacts=16)
+    given = SimpleNamespace(
+        parts=(alone,),
+        by_force=False,
+        answer=SimpleNamespace(displacement_m=1e-7),
+        settings=SimpleNamespace(material=SimpleNamespace(friction_coefficient=mu)),
+        kappa=kappa,
+        preload_N=10.0,
+        curves=lambda factors: [SimpleNamespace(approach_m=lambda load_N: 1e-6)],
+        response=lambda curve, approach_m, e: (e**of_force, e**of_energy),
+    )
+    softer, more = left_open(alone.joint, alone.contact).by_choice
+    _, shift = band_causes.of_parts(given)
+    np.testing.assert_allclose(shift, (-of_force * softer, more - of_energy * softer), rtol=1e-3)
+    root, _ = band_causes.of_parts(given)
+    by_force, _ = band_causes.of_parts(state(alone))
+    along = np.array([[-of_force, -of_energy], [0.0, 1.0]])
+    rows = by_force @ along
+    np.testing.assert_allclose(root.T @ root, rows.T @ rows, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("coverage", "freedom"), [(0.1, 4), (None, 1)])
+def test_what_contacts_let_expect_counts_as_scans_more(coverage, freedom):
+    parts = [part(share, coverage, contacts=25) for share in (0.25, 0.75)]
+    assert band_causes.degrees_of_freedom(state(*parts)) == freedom
+    found = band_causes._by_chance(state(*parts))
+    if coverage is None:
+        assert found is None
+        return
+    one = left_open(parts[0].joint, parts[0].contact)
+    of_mean = np.hypot(0.25, 0.75) * np.array([one.stiffness_by_chance, one.energy_by_chance])
+    np.testing.assert_allclose(found, np.diag(of_mean))

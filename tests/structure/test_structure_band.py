@@ -15,6 +15,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
+from capslip.contact.part_of_joint import LeftOpen, Moved
 from capslip.contact.plastic_law import LawError
 from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
@@ -23,6 +24,7 @@ from capslip.contact.solvers.yielding import YieldLaw
 from capslip.contact.varying_load import varying
 from capslip.settings import Question, load_settings
 from capslip.structure import band as band_module
+from capslip.structure import band_causes
 from capslip.structure.answer import answer_to
 from capslip.structure.band import band_of
 from capslip.structure.band_causes import LEAST_ERROR, NORMAL_95, PAIRS_SHARE, Left
@@ -738,6 +740,21 @@ def test_two_scans_scatter_by_half_of_what_they_differ_with_one_degree_of_freedo
         half = 6.314 * 0.5 * abs(np.log(a / b))
         low, high = np.log(np.array(found.interval[name]) / middle)
         assert (-low, high) == pytest.approx((half, half), rel=0.15), name
+
+
+def test_scans_of_a_larger_joint_scatter_by_what_their_contacts_let_expect(monkeypatch):
+    """Equal ones by that alone, as three of four: t(0.95, 4) = 2.132; others by both squares."""
+    nothing, stiffness, energy = Moved(0.0, 0.0), 0.06, 0.1
+    left = LeftOpen(0.1, nothing, nothing, energy, stiffness, 0.0)
+    monkeypatch.setattr(band_causes, "left_open", lambda joint, contact: left)
+    for radii_m in ([5.0, 5.0], [5.0, 6.0]):
+        found, answer = band_of_parts(radii_m)
+        each = [band_of_parts([R, R])[1] for R in radii_m]
+        for name, by_chance in (("energy_J", energy), ("tangential_stiffness_N_per_m", stiffness)):
+            scatter = 0.5 * np.log(getattr(each[0], name) / getattr(each[1], name))
+            half = 2.132 * np.sqrt(0.75 * by_chance**2 / 2.0 + 0.25 * scatter**2)
+            low, high = np.log(np.array(found.interval[name]) / getattr(answer, name))
+            assert (-low, high) == pytest.approx((half, half), rel=0.15), name
 
 
 def test_all_that_may_be_uncertain_has_an_interval_together(monkeypatch):

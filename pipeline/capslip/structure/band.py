@@ -85,10 +85,11 @@ def band_of(
     lies about, which holds the answer, too. The estimated error of a model without caps,
     and what few solved pressures leave of a joint of many, move either of the two alone, as nothing
     tells how they go together. Part: what one scan leaves open of a larger joint by the number of
-    its contacts, see `left_open`. Direction: what kappa is in all directions of slip, where that is
-    beyond the tolerance. Friction mu, preload P, modulus (a factor c on E*) and hardness H follow
-    from the curve: nothing but H / E* and N / E* counts in the shape of N(d), so with the share t =
-    T / (mu P) at the load N = P / c and the hardness H / c of the curve as it was solved::
+    its contacts, and by waves that it does not hold, see `left_open`. Direction: what kappa is in
+    all directions of slip, where that is beyond the tolerance. Friction mu, preload P, modulus (a
+    factor c on E*) and hardness H follow from the curve: nothing but H / E* and N / E* counts in
+    the shape of N(d), so with the share t = T / (mu P) at the load N = P / c and the hardness H / c
+    of the curve as it was solved::
 
         delta = mu kappa e(N, H / c, t),  W = mu^2 kappa c L(N, H / c, t)
 
@@ -112,8 +113,10 @@ def band_of(
 
     In the intervals it is drawn from Student's distribution of k - 1 degrees of freedom, which two
     scans make 3.8 times as wide as the normal one and three 1.8 times; in the shares from the
-    normal one, as the variance of the other has no bound for up to three scans. It holds the caps'
-    errors, too, so these count twice. That the scans are a part of a finite joint is not used.
+    normal one, as the variance of the other has no bound for up to three scans. Of scans that are
+    parts of their joint, what their contacts let expect of C counts as that of three scans more.
+    It holds the caps' errors, too, so these count twice. That the scans are a part of a finite
+    joint is not used.
     """
     if answer is None or not answer.displacement_m > 0.0:
         return None

@@ -227,7 +227,7 @@ def of_scatter(state: State) -> np.ndarray:
     parts, friction = state.parts, state.settings.material.friction_coefficient
     if len(parts) == 1:
         return np.zeros((2, 2))
-    share = np.array([part.share for part in state.parts])
+    share = np.array([part.share for part in parts])
     if state.by_force:  # that of total slip at most, which rounding must not pass
         at = min(state.answer.slip_force_N / friction, state.preload_N)
     else:
