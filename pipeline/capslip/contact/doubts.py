@@ -29,7 +29,7 @@ COUPLED = 0.25  # of the friction that pressure alone uses up: |beta| / mu
 LARGE_FRICTION = 1.5
 FIRST_SHARE, FIRST_TOUCH = 0.01, 0.25  # of the load, and of the approach up to there
 LARGER = 1.01  # coverage from which a scan is larger than its joint: more than rounding
-FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
+FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 26 % off by chance
 FLOOR_SHARE = 0.005  # of the load: 6 % of it there made W(0.1 mu N) 2.2 times as large
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
@@ -103,7 +103,9 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
         f"these are is chance, and moves the energy by some {left.energy_by_chance:.0%}"
     )
     if left.by_choice.energy > 0.0:
-        message += f"; beside a joint of such patches the face in one piece {_is(left.by_choice)}"
+        message += (
+            f"; beside a joint of such patches the face in one piece {_as_it_is(left.by_choice)}"
+        )
     by_chance = Moved(left.stiffness_by_chance, left.energy_by_chance)
     moved = _effect(*(max(pair) for pair in zip(left.by_choice, by_chance, strict=True)))
     return [*found, Problem("few_contacts_in_scan", "warning", message, moved)]
@@ -124,12 +126,13 @@ def problems_of_waves(joint: Joint, contact: ContactState) -> list[Problem]:
         f"the scan is {percent(left.coverage)} of its joint, and waves of its length and longer "
         f"stand {joint.long_waves_m:.2g} m (rms) out of its spectrum, {high} the approach: the "
         "face seems to go on in longer and higher ones, which patches of equal pressure leave out; "
-        f"with them it {_is(left.by_waves)}"
+        f"with them it {_as_it_is(left.by_waves)}"
     )
     return [Problem("waves_longer_than_scan", "warning", message, _effect(*left.by_waves))]
 
 
-def _is(moved: Moved) -> str:
+def _as_it_is(moved: Moved) -> str:
+    """Say how a face is beside a joint of patches like its scan."""
     times = math.exp(moved.energy)
     return (
         f"is about {-math.expm1(-moved.stiffness):.0%} less stiff and loses some {times:.2g} times "

@@ -10,7 +10,7 @@ import numpy as np
 
 from capslip.contact.accuracy import LEAST_ERROR, PAIRS_SHARE, YIELDED_ENERGY, YIELDED_STIFFNESS
 from capslip.contact.curve import NormalCurve
-from capslip.contact.part_of_joint import left_open
+from capslip.contact.part_of_joint import LeftOpen, left_open
 from capslip.contact.press import ContactState
 from capslip.contact.scans import curve_of_scans
 from capslip.contact.uneven import PatchedCurve
@@ -252,7 +252,8 @@ def of_scatter(state: State) -> np.ndarray:
 
 def degrees_of_freedom(state: State) -> int:
     """Return those of the scatter between scans, with what their contacts let expect."""
-    return len(state.parts) - 1 + (EXPECTED if _by_chance(state) is not None else 0)
+    known = all(left is not None for _, left in _each_left_open(state))
+    return len(state.parts) - 1 + (EXPECTED if known else 0)
 
 
 def of_parts(state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -260,8 +261,7 @@ def of_parts(state: State) -> tuple[np.ndarray, np.ndarray]:
 
     What is by chance that of one scan is left to the scatter between them, where there are several.
     """
-    each = [(part.share, left_open(part.joint, part.contact)) for part in state.parts]
-    known = [(share, one) for share, one in each if one is not None]
+    known = [(share, one) for share, one in _each_left_open(state) if one is not None]
     if not known:
         return np.zeros((2, 2)), np.zeros(2)
     moved, of_bulk = np.zeros((2, 2)), 0.0
@@ -296,7 +296,7 @@ def _by_chance(state: State) -> np.ndarray | None:
 
     None where they are no parts of their joint.
     """
-    each = [(part.share, left_open(part.joint, part.contact)) for part in state.parts]
+    each = _each_left_open(state)
     known = [
         share * np.array([one.stiffness_by_chance, one.energy_by_chance])
         for share, one in each
@@ -305,6 +305,11 @@ def _by_chance(state: State) -> np.ndarray | None:
     if len(known) < len(each):
         return None
     return _as_asked(state, np.diag(np.linalg.norm(known, axis=0)))
+
+
+def _each_left_open(state: State) -> list[tuple[float, LeftOpen | None]]:
+    """Return the share of each scan, and what it leaves open of the joint."""
+    return [(part.share, left_open(part.joint, part.contact)) for part in state.parts]
 
 
 def _as_asked(state: State, moved: np.ndarray) -> np.ndarray:
